@@ -12,6 +12,7 @@
 #include "engine/pipeline/render_rules.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/viewer_splats.h"
+#include "engine/render/constants.h"
 
 namespace litags {
 namespace {
@@ -93,10 +94,14 @@ absl::StatusOr<ViewerScene> MakeViewerScene(const Model& model, std::vector<View
         KeepHeaviest(request.max_splats, request.threads, request.cancel, &scene));
   }
   // After the weights: these are of smaller pictures than the changed Gaussians fit.
-  // A page of its own brings a viewer that knows the filter.
-  if (mip && !request.antialiased && request.format != SceneFormat::kHtml) {
-    scene.splats = SplatsForViewers(scene.views, InfoOf(request.format).viewers_add,
-                                    std::move(scene.splats), request.threads, request.cancel);
+  // A page of its own brings a viewer that knows the filter, and the server's page takes its scenes
+  // without the Mip filter from .compressed.ply, as trained.
+  const float added = InfoOf(request.format).viewers_add;
+  const bool changes = mip ? !request.antialiased && request.format != SceneFormat::kHtml
+                           : added != kEps2d && request.format != SceneFormat::kCompressedPly;
+  if (changes) {
+    scene.splats = SplatsForViewers(scene.views, model.pixel_filter, added, std::move(scene.splats),
+                                    request.threads, request.cancel);
     LITAGS_RETURN_IF_ERROR(request.cancel.Check());
     scene.antialiased = false;
   }

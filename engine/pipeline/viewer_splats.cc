@@ -31,16 +31,18 @@ double MeanPixelSize(const std::vector<View>& views, const std::array<double, 3>
 }
 
 // `p`: size of a pixel, scene units. `added`: px^2.
-void Dilatable(double p, double added, size_t i, Splats* splats) {
+void Dilatable(double p, PixelFilter trained, double added, size_t i, Splats* splats) {
+  const double eps = trained == PixelFilter::kMip ? kMipEps2d : kEps2d;
   std::array<double, 3> growth;  // of the variances by viewers
   for (int k = 0; k < 3; ++k) {
     float& log_scale = splats->at(i, kLogScale + k);
     const double variance = std::exp(2.0 * log_scale);
     const double left =
-        std::max(variance - (added - kMipEps2d) * p * p, kLeastScale * kLeastScale * p * p);
+        std::max(variance - (added - eps) * p * p, kLeastScale * kLeastScale * p * p);
     growth[k] = (left + added * p * p) / variance;
     log_scale = static_cast<float>(0.5 * std::log(left));
   }
+  if (trained != PixelFilter::kMip) return;
   // The larger a scale, the less it grows.
   std::sort(growth.begin(), growth.end());
   float& logit = splats->at(i, kLogitOpacity);
@@ -51,15 +53,15 @@ void Dilatable(double p, double added, size_t i, Splats* splats) {
 
 }  // namespace
 
-Splats SplatsForViewers(const std::vector<View>& views, float added, Splats splats, int threads,
-                        const CancelToken& cancel) {
+Splats SplatsForViewers(const std::vector<View>& views, PixelFilter trained, float added,
+                        Splats splats, int threads, const CancelToken& cancel) {
   ParallelFor(threads, splats.num_blocks(), [&](size_t block, int) {
     if (cancel.IsCancelled()) return;
     const size_t end = std::min(splats.size(), (block + 1) * kSplatBlock);
     for (size_t i = block * kSplatBlock; i < end; ++i) {
       const double p = MeanPixelSize(
           views, {splats.at(i, kMean), splats.at(i, kMean + 1), splats.at(i, kMean + 2)});
-      if (p > 0) Dilatable(p, added, i, &splats);
+      if (p > 0) Dilatable(p, trained, added, i, &splats);
     }
   });
   return splats;

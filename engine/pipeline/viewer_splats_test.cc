@@ -81,7 +81,7 @@ TEST(SplatsForViewers, DilatedLookMuchAsTheyDidWithTheMipFilter) {
   for (const auto& c : cases) {
     for (View& view : views) view.camera.fy = c.aspect * view.camera.fx;
     const Splats splats = Disks(600, c.px);
-    const Splats exported = SplatsForViewers(views, kEps2d, splats);
+    const Splats exported = SplatsForViewers(views, PixelFilter::kMip, kEps2d, splats);
     for (const View& view : views) {
       const std::vector<float> want = Picture(splats, view.camera, PixelFilter::kMip);
       const double before = Difference(Picture(splats, view.camera, PixelFilter::kDilate), want);
@@ -98,7 +98,8 @@ TEST(SplatsForViewers, AreWhatScenesOfTheMipFilterExport) {
   model.lita = model.use_pdm = false;
   model.splats = Disks(30, 0.5);
   for (const auto& [filter, want] :
-       {std::pair(PixelFilter::kMip, SplatsForViewers(views, kEps2d, model.splats)),
+       {std::pair(PixelFilter::kMip,
+                  SplatsForViewers(views, PixelFilter::kMip, kEps2d, model.splats)),
         std::pair(PixelFilter::kDilate, model.splats)}) {
     model.pixel_filter = filter;
     ASSERT_TRUE(MakeScene(model, views)->ExportPly(dir / "a.ply", /*light=*/0).ok());
@@ -116,23 +117,38 @@ TEST(SplatsForViewers, HaveTheSizeThatViewersOfTheFormatMakeRight) {
   model.splats = Disks(1, 2);
   for (int k = 0; k < 3; ++k) model.splats.at(0, kMean + k) = 0;
   model.splats.at(0, kLogScale) = static_cast<float>(std::log(2 * kPixel));
-  for (const auto& [format, added] :
-       {std::pair(SceneFormat::kPly, kEps2d), std::pair(SceneFormat::kCompressedPly, 0.075f),
-        std::pair(SceneFormat::kSog, 0.075f)}) {
+  const auto size = [&](SceneFormat format) {
     ExportRequest request;
     request.format = format;
     const auto made = MakeViewerScene(model, FrontViews(), {0, -1, 0}, request);
-    ASSERT_TRUE(made.ok()) << made.status();
-    const double scale = std::exp(made->splats.at(0, kLogScale)) / kPixel;
-    EXPECT_NEAR(scale * scale + added, 2 * 2 + kMipEps2d, 0.01) << InfoOf(format).name;
+    EXPECT_TRUE(made.ok()) << made.status();
+    const double scale = made.ok() ? std::exp(made->splats.at(0, kLogScale)) / kPixel : 0;
+    return scale * scale;
+  };
+  EXPECT_NEAR(size(SceneFormat::kPly) + kEps2d, 4 + kMipEps2d, 0.01);
+  EXPECT_NEAR(size(SceneFormat::kCompressedPly) + 0.075, 4 + kMipEps2d, 0.01);
+  EXPECT_NEAR(size(SceneFormat::kSog) + 0.075, 4 + kMipEps2d, 0.01);
+  model.pixel_filter = PixelFilter::kDilate;
+  EXPECT_NEAR(size(SceneFormat::kPly), 4, 1e-4);
+  EXPECT_NEAR(size(SceneFormat::kCompressedPly), 4, 1e-4) << "the server's page adds kEps2d";
+  EXPECT_NEAR(size(SceneFormat::kSog) + 0.075, 4 + kEps2d, 0.01);
+}
+
+TEST(SplatsForViewers, OfScenesWithoutTheMipFilterKeepTheirOpacity) {
+  const Splats splats = Disks(20, 0.5);
+  const Splats exported = SplatsForViewers(FrontViews(), PixelFilter::kDilate, 0.075f, splats);
+  for (size_t i = 0; i < splats.size(); ++i) {
+    EXPECT_EQ(exported.at(i, kLogitOpacity), splats.at(i, kLogitOpacity));
+    EXPECT_GT(exported.at(i, kLogScale), splats.at(i, kLogScale));
   }
 }
 
 TEST(SplatsForViewers, ThoseThatNoViewSeesStayAsTheyAre) {
   Splats splats = Disks(20, 0.5);
   for (size_t i = 0; i < splats.size(); ++i) splats.at(i, kMean + 2) -= 50;
-  EXPECT_EQ(SplatsForViewers(FrontViews(), kEps2d, splats).data(), splats.data());
-  EXPECT_EQ(SplatsForViewers({}, kEps2d, splats).data(), splats.data());
+  EXPECT_EQ(SplatsForViewers(FrontViews(), PixelFilter::kMip, kEps2d, splats).data(),
+            splats.data());
+  EXPECT_EQ(SplatsForViewers({}, PixelFilter::kMip, kEps2d, splats).data(), splats.data());
 }
 
 TEST(SplatsForViewers, ExtremesStayFinite) {
@@ -144,7 +160,7 @@ TEST(SplatsForViewers, ExtremesStayFinite) {
   splats.at(1, kLogitOpacity) = 90;
   splats.at(2, kLogitOpacity) = 90;
   splats.at(3, kLogitOpacity) = -90;
-  const Splats exported = SplatsForViewers(FrontViews(), kEps2d, splats);
+  const Splats exported = SplatsForViewers(FrontViews(), PixelFilter::kMip, kEps2d, splats);
   EXPECT_EQ(exported.FirstNotFinite(), exported.size());
 }
 
