@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "engine/core/error.h"
@@ -73,6 +74,41 @@ TEST(Metrics, SsimNeedsOneWholeWindow) {
   ASSERT_FALSE(small.ok());
   EXPECT_EQ(GetErrorDetail(small.status())->reason, "IMAGE_TOO_SMALL");
   EXPECT_TRUE(Ssim(Noise(10, 40, 1), Noise(10, 40, 2), SsimBorder::kZero).ok());
+}
+
+// The part of `image` from column `first` on.
+ImageU8 RightOf(const ImageU8& image, int first) {
+  ImageU8 part(image.width - first, image.height);
+  for (int y = 0; y < part.height; ++y) {
+    for (int x = 0; x < part.width; ++x) {
+      std::copy_n(image.pixel(first + x, y), 3, part.pixel(x, y));
+    }
+  }
+  return part;
+}
+
+TEST(Metrics, WhatDoesNotCountIsTakenAsEqualAndInNoMean) {
+  const ImageU8 a = Noise(60, 40, 1), b = Noise(60, 40, 2);
+  const int hidden = 15;
+  PlaneU8 mask(60, 40);
+  ImageU8 filled = b;
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 60; ++x) {
+      mask.data[size_t(y) * 60 + x] = x < hidden ? 0 : kCounts;
+      if (x < hidden) std::copy_n(a.pixel(x, y), 3, filled.pixel(x, y));
+    }
+  }
+  EXPECT_NEAR(*Psnr(a, b, mask), *Psnr(RightOf(a, hidden), RightOf(b, hidden)), 1e-9);
+  // Its valid windows are those of the pixels that count.
+  EXPECT_NEAR(*Ssim(a, b, SsimBorder::kValid, mask),
+              *Ssim(RightOf(a, hidden - 5), RightOf(filled, hidden - 5)), 1e-9);
+  ColorFitter masked, cropped;
+  ASSERT_TRUE(masked.Add(a, b, mask).ok());
+  ASSERT_TRUE(cropped.Add(RightOf(a, hidden), RightOf(b, hidden)).ok());
+  for (int i = 0; i < 12; ++i) EXPECT_NEAR(masked.Fit()->m[i], cropped.Fit()->m[i], 1e-9);
+  EXPECT_EQ(GetErrorDetail(Psnr(a, b, PlaneU8(9, 9)).status())->reason, "SIZE_MISMATCH");
+  EXPECT_EQ(GetErrorDetail(Ssim(a, b, SsimBorder::kValid, PlaneU8(60, 40)).status())->reason,
+            "IMAGE_TOO_SMALL");
 }
 
 TEST(Metrics, DifferentSizesAndEmptyImagesAreErrors) {

@@ -1,10 +1,8 @@
 #include "engine/pipeline/held_out_photos.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "engine/core/error.h"
-#include "engine/core/mask.h"
 #include "engine/eval/metrics.h"
 #include "engine/train/fit_camera.h"
 #include "engine/train/losses.h"
@@ -13,14 +11,6 @@ namespace litags {
 namespace {
 
 constexpr size_t kScoredOfPreview = 16;
-
-// Makes pixels that do not count equal, and returns how many there are for each that counts.
-double FillUncounted(const PlaneU8& mask, const Planes& color, Planes* target) {
-  for (int c = 0; c < target->channels; ++c) {
-    ForMasked(mask, [&](size_t i) { target->plane(c)[i] = color.plane(c)[i]; });
-  }
-  return static_cast<double>(color.plane_size()) / CountedPixels(mask, color.plane_size());
-}
 
 }  // namespace
 
@@ -53,12 +43,11 @@ absl::StatusOr<HeldOutScores> HeldOutPhotos::Score(size_t count, bool with_ssim,
     renderer.RenderColor(model, views_[i].camera, &color, photo.lamp);
     for (float& x : color.data) x = std::clamp(x, 0.0f, 1.0f);
     UnpackImage(photo.target, workspace, &target);
-    const double dilution = FillUncounted(photo.mask, color, &target);
-    LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(color, target));
-    psnr_sum += psnr - 10 * std::log10(dilution);
+    LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(color, target, photo.mask));
+    psnr_sum += psnr;
     if (!with_ssim) continue;
-    const absl::StatusOr<double> ssim = Ssim(color, target, SsimBorder::kValid, threads_);
-    ssim_sum += ssim.ok() ? 1 - (1 - *ssim) * dilution : kNotMeasured;
+    ssim_sum +=
+        Ssim(color, target, SsimBorder::kValid, threads_, photo.mask).value_or(kNotMeasured);
   }
   const auto n = static_cast<double>(count);
   return HeldOutScores{psnr_sum / n, ssim_sum / n};

@@ -22,10 +22,16 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// Which pixels of a picture of this size the view's photo shows: a mask, empty if all of them.
-absl::StatusOr<PlaneU8> ShownByPhoto(const TestView& view, int width, int height) {
-  if (view.distortion.IsZero()) return PlaneU8();
-  return MaskOfUndistorted(view.view.camera.Scaled(width, height), view.distortion);
+// The view at the size of a picture of it.
+TestView AtSizeOf(const ImageU8& picture, TestView view) {
+  Camera& camera = view.view.camera;
+  if (camera.width == 0) {  // of any size
+    camera.width = picture.width;
+    camera.height = picture.height;
+  } else {
+    camera = camera.Scaled(picture.width, picture.height);
+  }
+  return view;
 }
 
 }  // namespace
@@ -47,31 +53,28 @@ std::string Scores::ToJson() const {
       .dump(2, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-absl::Status Scorer::Add(const TestView& view, const ImageU8& picture) {
+absl::Status Scorer::Add(const TestView& wanted, const ImageU8& picture) {
+  const TestView view = AtSizeOf(picture, wanted);
   absl::StatusOr<ImageU8> truth = LoadPicture(truth_dir_, view);
   if (absl::IsNotFound(truth.status())) return absl::OkStatus();
   LITAGS_RETURN_IF_ERROR(truth.status());
-  if (truth->width != picture.width || truth->height != picture.height) {
-    truth = ResizeArea(*truth, picture.width, picture.height);
-  }
-  LITAGS_ASSIGN_OR_RETURN(const PlaneU8 shown, ShownByPhoto(view, truth->width, truth->height));
-  ForMasked(shown, [&](size_t i) { std::copy_n(&picture.data[3 * i], 3, &truth->data[3 * i]); });
-  // What all pixels have for each that counts.
-  const double dilution =
-      static_cast<double>(truth->pixels()) / CountedPixels(shown, truth->pixels());
+  // Which pixels the photo shows.
+  LITAGS_ASSIGN_OR_RETURN(PlaneU8 shown, MaskOfUndistorted(view.view.camera, view.distortion));
   ViewScore score;
   score.name = view.view.name;
-  LITAGS_ASSIGN_OR_RETURN(score.psnr, Psnr(picture, *truth));
-  score.psnr -= 10 * std::log10(dilution);
+  LITAGS_ASSIGN_OR_RETURN(score.psnr, Psnr(picture, *truth, shown));
   // Their sizes agree, so it fails only where they are too small for it.
-  const absl::StatusOr<double> ssim = Ssim(picture, *truth);
-  score.ssim = ssim.ok() ? 1 - (1 - *ssim) * dilution : std::numeric_limits<double>::quiet_NaN();
+  score.ssim = Ssim(picture, *truth, SsimBorder::kValid, shown)
+                   .value_or(std::numeric_limits<double>::quiet_NaN());
   if (lpips_ != nullptr) {
+    // It knows no masks: what the photo does not show is equal.
+    ForMasked(shown, [&](size_t i) { std::copy_n(&picture.data[3 * i], 3, &truth->data[3 * i]); });
     LITAGS_ASSIGN_OR_RETURN(score.lpips, lpips_->Distance(picture, *truth));
   }
   views_.push_back(std::move(score));
   pictures_.push_back(picture);
   truths_.push_back(*std::move(truth));
+  shown_.push_back(std::move(shown));
   return absl::OkStatus();
 }
 
@@ -95,7 +98,7 @@ absl::StatusOr<Scores> Scorer::Finish() const {
     }
   }
   scores.ssim /= ssim_views;
-  LITAGS_ASSIGN_OR_RETURN(const CorrectedPsnr fit, AffineCorrectedPsnr(pictures_, truths_));
+  LITAGS_ASSIGN_OR_RETURN(const CorrectedPsnr fit, AffineCorrectedPsnr(pictures_, truths_, shown_));
   scores.psnr_affine = fit.corrected_db;
   return scores;
 }

@@ -31,8 +31,8 @@ struct Scores {
 };
 
 // Pictures of the same views as the truth photos TRUTH_DIR/<name>, which are resized to the
-// picture where they differ, and undistorted. Views without a truth photo are left out; no views at
-// all is NOT_FOUND. `lpips` may be null.
+// picture (in linear light) where they differ, and undistorted. Views without a truth photo are
+// left out; no views at all is NOT_FOUND. `lpips` may be null.
 class Scorer {
  public:
   explicit Scorer(std::string truth_dir, Lpips* lpips = nullptr)
@@ -45,6 +45,7 @@ class Scorer {
   Lpips* lpips_;
   std::vector<ViewScore> views_;
   std::vector<ImageU8> pictures_, truths_;
+  std::vector<PlaneU8> shown_;  // masks: which pixels the truth photo shows
 };
 
 // The normal-lit render of a view, as bytes.
