@@ -11,7 +11,6 @@
 #include "engine/core/error.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
-#include "engine/io/image_io.h"
 #include "engine/pipeline/photo_place.h"
 
 namespace litags {
@@ -127,41 +126,30 @@ void TurnTracksClockwise(int view, int height, std::vector<SparsePoint>* points)
   }
 }
 
-// Turns a camera that is of the photo as stored upright; true if it was. `has_own_size`: its file
-// says its size, which tells what it is of.
-absl::StatusOr<bool> TurnUpright(const ImageInfo& photo, bool has_own_size, int index,
-                                 SparseModel* model) {
-  if (photo.orientation == 1) return false;
-  const View& view = model->views[index];
+// Turns a camera that is of the photo as stored upright, and returns by how many turns clockwise.
+absl::StatusOr<int> TurnUpright(const std::string& name, const ImageInfo& photo, bool has_own_size,
+                                Camera* camera, Distortion* distortion) {
+  if (photo.orientation == 1) return 0;
   const bool swaps = photo.orientation >= 5;
-  const bool upright = SameShape(view.camera, photo.width, photo.height);
-  const bool stored = swaps ? SameShape(view.camera, photo.height, photo.width) : upright;
-  if (!stored && !(upright && !has_own_size)) return false;
+  const bool upright = SameShape(*camera, photo.width, photo.height);
+  const bool stored = swaps ? SameShape(*camera, photo.height, photo.width) : upright;
+  if (!stored && !(upright && !has_own_size)) return 0;
   const bool turned = photo.orientation == 6 || photo.orientation == 8;  // not mirrored, too
   if (upright || !turned) {
     return InvalidInput(
-        "ORIENTATION_AMBIGUOUS", absl::StrCat("images[", view.name, "]"),
-        absl::StrCat(view.name, ": its EXIF orientation, ", photo.orientation,
+        "ORIENTATION_AMBIGUOUS", absl::StrCat("images[", name, "]"),
+        absl::StrCat(name, ": its EXIF orientation, ", photo.orientation,
                      ", turns the photo, and its camera may be of the photo before or after; if "
                      "the cameras are COLMAP's, which ignores it, take it out of the photos "
                      "(exiftool -Orientation= DIR), else turn their pixels (mogrify -auto-orient "
                      "DIR/*)"));
   }
-  for (int turns = photo.orientation == 6 ? 1 : 3; turns > 0; --turns) {
-    TurnTracksClockwise(index, view.camera.height, &model->points);
-    TurnClockwise(&model->views[index].camera, &model->distortions[index]);
-  }
-  return true;
+  const int turns = photo.orientation == 6 ? 1 : 3;
+  for (int i = 0; i < turns; ++i) TurnClockwise(camera, distortion);
+  return turns;
 }
 
-// Changes a camera's size, and returns the change of x and y.
-std::array<double, 2> Scale(int width, int height, Camera* camera) {
-  const Camera before = *camera;
-  *camera = before.Scaled(width, height);
-  return {double(width) / before.width, double(height) / before.height};
-}
-
-// Of the marks of points in each view.
+// Of the marks of points in each view: by how much x and y change.
 void ScaleTracks(const std::vector<std::array<double, 2>>& scales,
                  std::vector<SparsePoint>* points) {
   for (SparsePoint& point : *points) {
@@ -182,25 +170,23 @@ absl::Status FitToPhotos(const ReconstructInput& input, const std::set<std::stri
   for (size_t i = 0; i < model->views.size(); ++i) {
     View& view = model->views[i];
     const std::string field = absl::StrCat("images[", view.name, "]");
-    LITAGS_ASSIGN_OR_RETURN(const ImageInfo info,
-                            ReadImageSize(PhotoPath(input, view.name), field));
-    if (!input.cameras_are_upright) {
-      LITAGS_ASSIGN_OR_RETURN(const bool turns, TurnUpright(info, !unsized.contains(view.name),
-                                                            static_cast<int>(i), model));
-      turned += turns;
+    LITAGS_ASSIGN_OR_RETURN(ImageInfo info, ReadImageSize(PhotoPath(input, view.name), field));
+    if (input.cameras_are_upright) info.orientation = 1;
+    int width = view.camera.width, height = view.camera.height;
+    LITAGS_ASSIGN_OR_RETURN(const int turns,
+                            FitToPhoto(view.name, info, !unsized.contains(view.name), &view.camera,
+                                       &model->distortions[i]));
+    for (int turn = 0; turn < turns; ++turn) {
+      TurnTracksClockwise(static_cast<int>(i), height, &model->points);
+      std::swap(width, height);
     }
-    if (info.width == view.camera.width && info.height == view.camera.height) continue;
-    if (!SameShape(view.camera, info.width, info.height)) {
-      return InvalidInput("CAMERA_SIZE_MISMATCH", field,
-                          absl::StrCat(view.name, ": the photo is ", info.width, "x", info.height,
-                                       " but its camera says ", view.camera.width, "x",
-                                       view.camera.height, "; give cameras of these photos"));
-    }
+    turned += turns > 0;
+    if (info.width == width && info.height == height) continue;
     if (++scaled == 1) {
-      some_scaled = absl::StrCat(view.camera.width, "x", view.camera.height, " px for ", view.name,
-                                 " of ", info.width, "x", info.height);
+      some_scaled = absl::StrCat(width, "x", height, " px for ", view.name, " of ", info.width, "x",
+                                 info.height);
     }
-    scales[i] = Scale(info.width, info.height, &view.camera);
+    scales[i] = {double(info.width) / width, double(info.height) / height};
   }
   if (scaled > 0) {
     ScaleTracks(scales, &model->points);
@@ -218,6 +204,20 @@ absl::Status FitToPhotos(const ReconstructInput& input, const std::set<std::stri
 }
 
 }  // namespace
+
+absl::StatusOr<int> FitToPhoto(const std::string& name, const ImageInfo& photo, bool has_own_size,
+                               Camera* camera, Distortion* distortion) {
+  LITAGS_ASSIGN_OR_RETURN(const int turns,
+                          TurnUpright(name, photo, has_own_size, camera, distortion));
+  if (!SameShape(*camera, photo.width, photo.height)) {
+    return InvalidInput("CAMERA_SIZE_MISMATCH", absl::StrCat("images[", name, "]"),
+                        absl::StrCat(name, ": the photo is ", photo.width, "x", photo.height,
+                                     " but its camera says ", camera->width, "x", camera->height,
+                                     "; give cameras of these photos"));
+  }
+  *camera = camera->Scaled(photo.width, photo.height);
+  return turns;
+}
 
 absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              const std::vector<std::string>& photos,

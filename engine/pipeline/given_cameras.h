@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "engine/io/image_io.h"
 #include "engine/io/sparse_model.h"
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/engine.h"
@@ -25,6 +26,13 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              const std::vector<std::string>& photos,
                                              std::vector<std::string>* notes,
                                              PanoramaNames* panoramas = nullptr);
+
+// Makes a camera one of its photo as it is upright: turned as EXIF says, if it is of the photo as
+// stored, and scaled. `has_own_size`: its file says the camera's size, which tells what it is of.
+// Returns by how many turns clockwise it was turned.
+// INVALID_ARGUMENT: CAMERA_SIZE_MISMATCH, ORIENTATION_AMBIGUOUS.
+absl::StatusOr<int> FitToPhoto(const std::string& name, const ImageInfo& photo, bool has_own_size,
+                               Camera* camera, Distortion* distortion);
 
 }  // namespace litags
 

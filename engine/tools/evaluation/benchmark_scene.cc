@@ -1,6 +1,7 @@
 #include "engine/tools/evaluation/benchmark_scene.h"
 
 #include <filesystem>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -55,7 +56,14 @@ absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_d
     input.cameras_path = train;
     options->holdout_every = 0;
   }
-  if (input.cameras_path.empty()) return input;
+  if (input.cameras_path.empty()) {
+    if (!HasTestViews()) return input;
+    return InvalidInput("POSES_WITHOUT_CAMERAS", "--cameras",
+                        absl::StrCat(dir, " has transforms_test.json, but no ",
+                                     "transforms_train.json: COLMAP's cameras would be in another ",
+                                     "world than the test views; name cameras in theirs with ",
+                                     "--cameras, or let litags-train take all from COLMAP: --sfm"));
+  }
   LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> test, TestViews());
   if (test.empty()) return input;
   options->holdout_every = 0;
@@ -84,14 +92,18 @@ absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews() const {
   if (!HasTestViews()) return views;
   const std::string path = poses.empty() ? dir + kTestViews : poses;
   const ImageInfo size = SizeOfFirstPhoto(TruthDir().empty() ? PhotosDir() : TruthDir());
+  std::set<std::string> unsized;  // views whose size the file does not say
+  const auto size_of = [&](const std::string& name) {
+    unsized.insert(name);
+    return PhotoSize{size.width, size.height};
+  };
   LITAGS_ASSIGN_OR_RETURN(
       SparseModel given,
-      ReadCameras(path, poses.empty() ? "transforms_test.json" : kPoses, size.width, size.height));
+      ReadCameras(path, poses.empty() ? "transforms_test.json" : kPoses, size_of));
   for (size_t i = 0; i < given.views.size(); ++i) {
     TestView view{given.views[i], given.distortions[i]};
-    if (const auto truth = FindPhoto(TruthDir(), view.view.name); truth.ok()) {
-      LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageSize(*truth, *truth));
-      view.view.camera = view.view.camera.Scaled(info.width, info.height);
+    if (!sfm) {  // else they are not used
+      LITAGS_RETURN_IF_ERROR(FitToPhotoIn(TruthDir(), !unsized.contains(view.view.name), &view));
     }
     views.push_back(std::move(view));
   }

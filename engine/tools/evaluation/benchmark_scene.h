@@ -29,7 +29,7 @@ struct BenchmarkScene {
   // if the scene has test views of its own.
   // INVALID_ARGUMENT: TEST_VIEW_IN_CAMERAS if `cameras` have one that is scored: its photo would be
   // trained on. POSES_WITHOUT_CAMERAS if COLMAP finds the cameras: its world is not that of
-  // `poses`.
+  // `poses`, nor of transforms_test.json.
   absl::StatusOr<ReconstructInput> Input(const std::string& work_dir,
                                          ReconstructOptions* options) const;
 
@@ -37,7 +37,8 @@ struct BenchmarkScene {
   // is of the world, or kept out of the photos, that the scene is trained on, unless `sfm` finds
   // both.
   bool HasTestViews() const;
-  // Their cameras, at the size of their truth photos; none without HasTestViews().
+  // Their cameras, at the size and way up of their truth photos; none without HasTestViews().
+  // Errors of FitToPhoto.
   absl::StatusOr<std::vector<TestView>> TestViews() const;
   // With `sfm` they are the trained scene's own, by name: COLMAP's world is another. So are their
   // lenses, which the run in `work_dir` found. That run held out one photo in `holdout_every`; test

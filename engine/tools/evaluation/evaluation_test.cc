@@ -14,10 +14,13 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/core/temp_dir_test_util.h"
+#include "engine/eval/metrics.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/depth_io.h"
+#include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/test_util.h"
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/capture_targets.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
@@ -92,7 +95,23 @@ TEST_F(EvaluationTest, WhatThePhotoDoesNotShowIsNotScored) {
   };
   EXPECT_LT(CountedPixels(shown, right.pixels()), 0.95 * static_cast<double>(right.pixels()));
   EXPECT_TRUE(std::isinf(score(other_rim).psnr));
-  EXPECT_NEAR(score(off).psnr, -20 * std::log10(10.0 / 255), 1e-6);
+  const Scores scores = score(off);
+  EXPECT_NEAR(scores.psnr, -20 * std::log10(10.0 / 255), 1e-6);
+  EXPECT_GT(scores.psnr_affine, 80);
+  EXPECT_EQ(scores.ssim, Ssim(off, right, SsimBorder::kValid, shown).value());
+}
+
+// By the light, as training shrinks photos: half black, half white is code 188.
+TEST_F(EvaluationTest, TheTruthOfAnotherSizeIsAveragedInLinearLight) {
+  ImageU8 checkers(64, 48), gray(32, 24);
+  for (int y = 0; y < 48; ++y) {
+    for (int x = 0; x < 64; ++x) std::fill_n(checkers.pixel(x, y), 3, (x + y) % 2 == 0 ? 0 : 255);
+  }
+  std::fill(gray.data.begin(), gray.data.end(), 188);
+  ASSERT_TRUE(WritePng(dir_ + "/truth/a.png", checkers).ok());
+  Scorer scorer(dir_ + "/truth");
+  ASSERT_TRUE(scorer.Add(Named("a.png"), gray).ok());
+  EXPECT_TRUE(std::isinf(scorer.Finish()->psnr));
 }
 
 TEST_F(EvaluationTest, PicturesBelowTheWindowOfSsimAreScoredWithoutIt) {
@@ -386,6 +405,47 @@ TEST_F(EvaluationTest, SceneWithTestViewsHoldsOutNothingElseAndTrainsOnNoneOfThe
   ASSERT_TRUE(GetErrorDetail(status).has_value()) << status;
   EXPECT_EQ(GetErrorDetail(status)->reason, "TEST_VIEW_IN_CAMERAS");
   EXPECT_THAT(std::string(status.message()), testing::HasSubstr("c.JPG"));
+}
+
+// COLMAP would find cameras in a world of its own, and train on the test views.
+TEST_F(EvaluationTest, TestViewsNeedKnownCamerasOrThoseOfColmap) {
+  WriteCameras(dir_, "test", {"c.JPG"});
+  BenchmarkScene scene{.dir = dir_, .light = "low", .cameras = ""};
+  ReconstructOptions options;
+  const absl::Status status = scene.Input("work", &options).status();
+  EXPECT_EQ(Reason(status), "POSES_WITHOUT_CAMERAS");
+  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("--cameras"));
+  scene.sfm = true;
+  EXPECT_TRUE(scene.Input("work", &options).ok());
+}
+
+// COLMAP ignores EXIF; training turns its cameras, too.
+TEST_F(EvaluationTest, CamerasOfStoredTruthPhotosAreTurnedUprightWithThem) {
+  std::filesystem::create_directories(dir_ + "/high");
+  const std::string jpeg = EncodeJpeg(TestImage(96, 64)).value();
+  ASSERT_TRUE(
+      WriteFileAtomically(dir_ + "/high/a.jpg", WithJpegExif(jpeg, ExifBlock(6, true))).ok());
+  SparseModel model;
+  Camera camera = {.width = 96, .height = 64, .fx = 80, .fy = 70, .cx = 50, .cy = 30};
+  model.views = {{"a.jpg", camera}};
+  model.distortions.resize(1);
+  const auto views = [&] {
+    EXPECT_TRUE(WriteTransforms(dir_ + "/transforms_test.json", model, "high").ok());
+    return BenchmarkScene{.dir = dir_, .light = "low", .cameras = ""}.TestViews();
+  };
+  const auto turned = views();
+  ASSERT_TRUE(turned.ok()) << turned.status();
+  const Camera& upright = turned->at(0).view.camera;
+  EXPECT_EQ(upright.width, 64);
+  EXPECT_EQ(upright.height, 96);
+  EXPECT_EQ(upright.fx, 70);
+  EXPECT_EQ(upright.fy, 80);
+  EXPECT_EQ(upright.cx, 64 - 30);
+  EXPECT_EQ(upright.cy, 50);
+  EXPECT_NEAR(upright.R[1], -1, 1e-9);
+  EXPECT_NEAR(upright.R[3], 1, 1e-9);
+  model.views[0].camera.width = 64;  // a square is squeezed into neither
+  EXPECT_EQ(Reason(views().status()), "CAMERA_SIZE_MISMATCH");
 }
 
 TEST_F(EvaluationTest, ATestViewIsKnownWithoutItsExtension) {

@@ -9,6 +9,7 @@
 #include "engine/core/mask.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/pipeline/given_cameras.h"
 #include "engine/pipeline/memory_estimate.h"
 
 namespace litags {
@@ -55,12 +56,24 @@ absl::StatusOr<ImageU8> LoadPicture(const std::string& dir, const TestView& view
   return PhotoToU8(photo);
 }
 
+absl::Status FitToPhotoIn(const std::string& dir, bool has_own_size, TestView* view) {
+  const std::string& name = view->view.name;
+  const absl::StatusOr<std::string> path = FindPhoto(dir, name);
+  if (!path.ok()) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageSize(*path, *path));
+  return FitToPhoto(name, info, has_own_size, &view->view.camera, &view->distortion).status();
+}
+
 absl::StatusOr<std::vector<TestView>> AtSizeOfPhotos(std::vector<TestView> views,
                                                      const std::string& dir) {
   for (TestView& view : views) {
-    const TestView of_any_size = {.view = {view.view.name, Camera()}, .distortion = {}};
-    LITAGS_ASSIGN_OR_RETURN(const Photo photo, LoadPhoto(dir, of_any_size));
-    view.view.camera = view.view.camera.Scaled(photo.width, photo.height);
+    const std::string& name = view.view.name;
+    LITAGS_ASSIGN_OR_RETURN(const std::string path, FindPhoto(dir, name));
+    LITAGS_ASSIGN_OR_RETURN(ImageInfo info, ReadImageSize(path, path));
+    info.orientation = 1;  // the views are upright
+    LITAGS_RETURN_IF_ERROR(
+        FitToPhoto(name, info, /*has_own_size=*/true, &view.view.camera, &view.distortion)
+            .status());
   }
   return views;
 }

@@ -31,8 +31,12 @@ absl::StatusOr<Photo> LoadPhoto(const std::string& dir, const TestView& view);
 // The same with 8 bits.
 absl::StatusOr<ImageU8> LoadPicture(const std::string& dir, const TestView& view);
 
-// The same views with cameras of the size of their photos in `dir`. Errors of FindPhoto and of
-// reading.
+// Makes the view's camera one of its photo in `dir`, if there is one, as training does: turned
+// upright and scaled. Errors of FitToPhoto, with `has_own_size`, and of reading.
+absl::Status FitToPhotoIn(const std::string& dir, bool has_own_size, TestView* view);
+
+// The same views with cameras of the size of their photos in `dir`. CAMERA_SIZE_MISMATCH, errors of
+// FindPhoto and of reading.
 absl::StatusOr<std::vector<TestView>> AtSizeOfPhotos(std::vector<TestView> views,
                                                      const std::string& dir);
 
