@@ -144,6 +144,7 @@ absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, 
   LITAGS_RETURN_IF_ERROR(CheckJobStore(flags.places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenJobStore(flags.places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(flags.places, data));
+  LITAGS_RETURN_IF_ERROR(CheckBlobsAreOurs(flags.places, data, blobs.get()));
   LITAGS_ASSIGN_OR_RETURN(const auto marker, ClaimBlobs(flags.places, store.get(), blobs.get()));
   UploadLimits uploads = flags.uploads;
   if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared

@@ -40,11 +40,6 @@ absl::Status InstallationMarker::Claim() const {
   return CheckOthers(ids);
 }
 
-absl::Status InstallationMarker::CheckClaim() const {
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids, MarkersIn(blobs_));
-  return CheckOthers(ids);
-}
-
 absl::Status InstallationMarker::Check() const {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids, MarkersIn(blobs_));
   LITAGS_RETURN_IF_ERROR(CheckOthers(ids));

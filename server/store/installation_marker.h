@@ -22,8 +22,6 @@ class InstallationMarker {
 
   // Puts the marker if there is none.
   absl::Status Claim() const;
-  // Whether Claim() would find another installation's marker; changes nothing.
-  absl::Status CheckClaim() const;
   // Whether the marker is there, and no other installation's. FAILED_PRECONDITION
   // (BLOBS_NOT_MARKED).
   absl::Status Check() const;

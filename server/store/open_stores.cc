@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/store/file_error.h"
 #include "server/store/postgres.h"
 #include "server/store/sqlite.h"
 
@@ -94,9 +95,14 @@ std::string PlaceOfBlobs(const StorePlaces& places) {
   return place;
 }
 
-// JobStore::InstallationId() without making one; empty: the store is not there yet, or is of a
-// version that had none.
-absl::StatusOr<std::string> KnownInstallationId(const StorePlaces& places, const DataDir& data) {
+// What a job store says, without changing it; as here if it is not there yet, or is of a version
+// that had no ids.
+struct KnownInstallation {
+  std::string id;  // JobStore::InstallationId(); empty: not made yet
+  bool has_files = false;
+};
+absl::StatusOr<KnownInstallation> ReadInstallation(const StorePlaces& places, const DataDir& data) {
+  KnownInstallation known;
   std::unique_ptr<SqlSession> sql;
   std::string has_table;
   if (places.UsesPostgres()) {
@@ -104,15 +110,17 @@ absl::StatusOr<std::string> KnownInstallationId(const StorePlaces& places, const
     has_table = "SELECT 1 WHERE to_regclass('installation') IS NOT NULL";
   } else {
     const std::string path = places.SqlitePath(data);
-    if (std::error_code ignored; !std::filesystem::exists(path, ignored)) return std::string();
+    if (std::error_code ignored; !std::filesystem::exists(path, ignored)) return known;
     LITAGS_ASSIGN_OR_RETURN(sql, SqliteConnection::Open(path));
     has_table = "SELECT 1 FROM sqlite_master WHERE name = 'installation'";
   }
-  LITAGS_ASSIGN_OR_RETURN(const bool known, sql->Prepare(has_table)->Step());
-  if (!known) return std::string();
+  LITAGS_ASSIGN_OR_RETURN(const bool is_there, sql->Prepare(has_table)->Step());
+  if (!is_there) return known;
+  LITAGS_ASSIGN_OR_RETURN(known.has_files, sql->Prepare("SELECT 1 FROM files LIMIT 1")->Step());
   const auto row = sql->Prepare("SELECT id FROM installation");
   LITAGS_ASSIGN_OR_RETURN(const bool made, row->Step());
-  return made ? row->Text(0) : std::string();
+  if (made) known.id = row->Text(0);
+  return known;
 }
 
 }  // namespace
@@ -195,19 +203,34 @@ absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& plac
   return OpenDiskBlobStore(places.blobs.empty() ? data.blobs() : places.blobs.substr(kFile.size()));
 }
 
-absl::StatusOr<std::unique_ptr<InstallationMarker>> ClaimBlobs(const StorePlaces& places,
-                                                               JobStore* store, BlobStore* blobs) {
+absl::StatusOr<std::unique_ptr<InstallationMarker>> MarkerOf(const StorePlaces& places,
+                                                             JobStore* store, BlobStore* blobs) {
   if (places.blobs.empty()) return nullptr;
   LITAGS_ASSIGN_OR_RETURN(const std::string id, store->InstallationId());
-  auto marker = std::make_unique<InstallationMarker>(id, PlaceOfBlobs(places), blobs);
-  LITAGS_RETURN_IF_ERROR(marker->Claim());
+  return std::make_unique<InstallationMarker>(id, PlaceOfBlobs(places), blobs);
+}
+
+absl::StatusOr<std::unique_ptr<InstallationMarker>> ClaimBlobs(const StorePlaces& places,
+                                                               JobStore* store, BlobStore* blobs) {
+  LITAGS_ASSIGN_OR_RETURN(auto marker, MarkerOf(places, store, blobs));
+  if (marker) LITAGS_RETURN_IF_ERROR(marker->Claim());
   return marker;
 }
 
 absl::Status CheckBlobsAreOurs(const StorePlaces& places, const DataDir& data, BlobStore* blobs) {
   if (places.blobs.empty()) return absl::OkStatus();
-  LITAGS_ASSIGN_OR_RETURN(const std::string id, KnownInstallationId(places, data));
-  return InstallationMarker(id, PlaceOfBlobs(places), blobs).CheckClaim();
+  LITAGS_ASSIGN_OR_RETURN(const KnownInstallation known, ReadInstallation(places, data));
+  const std::string place = PlaceOfBlobs(places);
+  const absl::Status marked = InstallationMarker(known.id, place, blobs).Check();
+  if (!HasReason(marked, "BLOBS_NOT_MARKED")) return marked;
+  if (!known.has_files) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> jobs, blobs->List("jobs"));
+  if (!jobs.empty()) return absl::OkStatus();  // from before there were markers
+  return MakeError(absl::StatusCode::kFailedPrecondition, "BLOBS_NOT_MARKED", "blobs",
+                   absl::StrCat("the job store names files, and there is none in ", place,
+                                ": is the volume mounted, and --blobs as before? If they are lost "
+                                "for good, put any file at ",
+                                place, "/jobs/lost/lost, and the server starts without them"));
 }
 
 absl::Status CheckJobStore(const StorePlaces& places, const DataDir& data) {

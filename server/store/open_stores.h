@@ -51,12 +51,17 @@ absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const StorePlaces& places
 absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& places,
                                                          const DataDir& data);
 
-// Marks the blobs as those of the job store's installation; see InstallationMarker. Null if the
-// operator names no place for them: then they are in the data folder, beside the jobs.
+// The marker of the job store's installation in its blob store. Null if the operator names no place
+// for the blobs: then they are in the data folder, beside the jobs.
+absl::StatusOr<std::unique_ptr<InstallationMarker>> MarkerOf(const StorePlaces& places,
+                                                             JobStore* store, BlobStore* blobs);
+// The same, after InstallationMarker::Claim().
 absl::StatusOr<std::unique_ptr<InstallationMarker>> ClaimBlobs(const StorePlaces& places,
                                                                JobStore* store, BlobStore* blobs);
 
-// Whether ClaimBlobs() would refuse, without changing either store. Errors of InstallationMarker.
+// Whether the installation may begin to use these blobs; changes neither store. Errors of
+// InstallationMarker; FAILED_PRECONDITION (BLOBS_NOT_MARKED) if there is neither a marker nor a
+// blob, and the job store names files: a volume is not mounted, say.
 absl::Status CheckBlobsAreOurs(const StorePlaces& places, const DataDir& data, BlobStore* blobs);
 
 // Whether there is a store to begin with, without changing it: a file is read as a whole, unless it

@@ -147,6 +147,28 @@ TEST_F(Installation, OrphansStayWhileTheMarkerIsNotOursAlone) {
   EXPECT_EQ(Reason(blobs_->Get(key).status()), "BLOB_NOT_FOUND");
 }
 
+// A volume that is not mounted, say.
+TEST(InstallationFolder, WithoutAnyBlobIsNotMarkedWhereTheJobStoreNamesFiles) {
+  TempDir dir;
+  const DataDir data = *DataDir::Open(dir / "data");
+  const StorePlaces places{"", absl::StrCat("file://", dir / "volume"), ""};
+  const auto store = *OpenJobStore(places, data);
+  const auto blobs = *OpenBlobStore(places, data);
+  const auto check = [&] { return CheckBlobsAreOurs(places, data, blobs.get()); };
+  EXPECT_TRUE(check().ok()) << "the first start";
+  JobRecord job;
+  job.id = "0123456789abcdef";
+  ASSERT_TRUE(store
+                  ->Create(job,
+                           [](JobTransaction& t) {
+                             return t.PutFile({"a.jpg", FileRole::kPhoto, 1, "aa", 4, 3});
+                           })
+                  .ok());
+  EXPECT_EQ(Reason(check()), "BLOBS_NOT_MARKED");
+  ASSERT_TRUE(blobs->Put("jobs/lost/lost", "x").ok());
+  EXPECT_TRUE(check().ok()) << "as the message says";
+}
+
 // Servers as they run, each with a data folder of its own.
 class InstallationProcess : public Installation {
  protected:

@@ -11,6 +11,7 @@
 #include "server/jobs/leases.h"
 #include "server/store/blob_store.h"
 #include "server/store/data_dir.h"
+#include "server/store/installation_marker.h"
 #include "server/store/job_store.h"
 
 namespace litags {
@@ -40,6 +41,7 @@ struct WorkerContext {
   Leases* leases;
   Engine* engine;
   DataDir data;
+  const InstallationMarker* marker = nullptr;  // of `blobs`; null: the operator named no place
 };
 
 // Runs a job to one of its ends: done, failed, cancelled, given back because `shutdown` was raised,

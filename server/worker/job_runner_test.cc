@@ -92,6 +92,23 @@ TEST_F(JobRunnerTest, WorkerWithoutScratchGivesTheJobBack) {
   ExpectGivenBack(id, "it cannot read or write its files");
 }
 
+// Started without the server's --blobs, say, or before the volume was mounted.
+TEST_F(JobRunnerTest, WorkerThatSeesOtherBlobsThanTheServerGivesTheJobBack) {
+  const std::string id = QueuedJob();
+  const auto elsewhere = *OpenDiskBlobStore(dir_.path() + "/elsewhere");
+  context_.blobs = elsewhere.get();
+  EXPECT_EQ(Reason(Run()), "BLOB_NOT_FOUND");
+  ExpectGivenBack(id, "it does not see the server's files");
+  ASSERT_TRUE(elsewhere->Put("jobs/0123456789abcdef/aa", "of another installation").ok());
+  const InstallationMarker marker(*store_->InstallationId(), "file:///blobs", elsewhere.get());
+  context_.marker = &marker;
+  EXPECT_EQ(Reason(Run()), "BLOB_NOT_FOUND");
+  ExpectGivenBack(id, "it does not see the server's files");
+  ASSERT_TRUE(marker.Claim().ok());
+  EXPECT_TRUE(Run().ok());
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kFailed) << "where the files should be, they are not";
+}
+
 TEST_F(JobRunnerTest, JobWhosePhotoCannotBeReadFailsAndNotItsWorker) {
   const std::string id = QueuedJob();
   blobs_.on_read = [](std::string_view key) {

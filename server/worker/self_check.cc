@@ -29,15 +29,27 @@ absl::Status CheckWorker(const WorkerContext& context) {
   return absl::IsNotFound(read) ? absl::OkStatus() : read;
 }
 
+absl::Status CheckWorkerAfter(const absl::Status& error, const WorkerContext& context) {
+  LITAGS_RETURN_IF_ERROR(CheckWorker(context));
+  if (!HasReason(error, "BLOB_NOT_FOUND")) return absl::OkStatus();
+  if (context.marker) return context.marker->Check();
+  LITAGS_ASSIGN_OR_RETURN(const auto jobs, context.blobs->List("jobs"));
+  if (!jobs.empty()) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "BLOBS_NOT_MARKED", "blobs",
+                   "there are no files of any job here; start the worker with the server's --blobs "
+                   "(LITAGS_BLOBS) or, if that has none, its --data");
+}
+
 bool IsFaultOfWorker(const absl::Status& error, const WorkerContext& context) {
   return (HasReason(error, "DISK_FULL") || HasReason(error, "STORE_FAILED") ||
-          HasReason(error, "BLOBS_DENIED")) &&
-         !CheckWorker(context).ok();
+          HasReason(error, "BLOBS_DENIED") || HasReason(error, "BLOB_NOT_FOUND")) &&
+         !CheckWorkerAfter(error, context).ok();
 }
 
 std::string TroubleInWords(const absl::Status& error) {
   if (HasReason(error, "DISK_FULL")) return "its disk is full";
   if (HasReason(error, "BLOBS_DENIED")) return "the blob store refuses its key";
+  if (HasReason(error, "BLOB_NOT_FOUND")) return "it does not see the server's files";
   return "it cannot read or write its files";
 }
 

@@ -12,9 +12,12 @@ namespace litags {
 // Whether the scratch folder takes the files of a small job, and the blob store can be read.
 absl::Status CheckWorker(const WorkerContext& context);
 
+// The same; after BLOB_NOT_FOUND, also whether these are the blobs of the server.
+absl::Status CheckWorkerAfter(const absl::Status& error, const WorkerContext& context);
+
 // Whether a job could not be begun for what is wrong with this worker (DISK_FULL, STORE_FAILED,
-// BLOBS_DENIED), which CheckWorker() finds, too. If it finds nothing, the job is at fault: a photo
-// of it cannot be read, say.
+// BLOBS_DENIED, BLOB_NOT_FOUND), which CheckWorkerAfter() finds, too. If it finds nothing, the job
+// is at fault: a photo of it cannot be read, say.
 bool IsFaultOfWorker(const absl::Status& error, const WorkerContext& context);
 
 // For the job's owner, who does not know the worker's folders: "its disk is full".

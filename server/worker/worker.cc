@@ -47,14 +47,14 @@ void Sleep(double seconds, const CancelToken& shutdown) {
   }
 }
 
-// After a job that could not be begun, or whose end could not be written: until this worker is
-// well, looked at after `pause` seconds, which doubles.
-void Rest(const WorkerContext& context, const WorkerOptions& options, const CancelToken& shutdown,
-          double* pause) {
+// After `error` of a job that could not be begun, or whose end could not be written: until this
+// worker is well, looked at after `pause` seconds, which doubles.
+void Rest(const absl::Status& error, const WorkerContext& context, const WorkerOptions& options,
+          const CancelToken& shutdown, double* pause) {
   for (bool well = false; !well && !shutdown.IsCancelled();) {
     Sleep(*pause, shutdown);
     *pause = std::min(2 * *pause, options.max_rest_seconds);
-    const absl::Status status = CheckWorker(context);
+    const absl::Status status = CheckWorkerAfter(error, context);
     well = status.ok();
     if (!well) spdlog::warn("takes no jobs: {}", status.ToString());
   }
@@ -77,9 +77,10 @@ absl::Status OpenAndRun(const DataDir& data, const StorePlaces& places,
                         const WorkerOptions& options, Engine* engine, const CancelToken& shutdown) {
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenJobStore(places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(places, data));
+  LITAGS_ASSIGN_OR_RETURN(const auto marker, MarkerOf(places, store.get(), blobs.get()));
   Leases leases(store.get(), blobs.get());
   const WorkerPresence presence(store.get(), options.name, options.has);
-  RunWorker({store.get(), blobs.get(), &leases, engine, data}, options, shutdown);
+  RunWorker({store.get(), blobs.get(), &leases, engine, data, marker.get()}, options, shutdown);
   return absl::OkStatus();
 }
 
@@ -168,7 +169,7 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
         continue;
       }
       spdlog::error("job={} {}", (*lease)->job.id, status.ToString());
-      Rest(context, options, shutdown, &pause);
+      Rest(status, context, options, shutdown, &pause);
     } else {
       WaitForWork(context.store, options, shutdown, &seen);
     }

@@ -11,7 +11,8 @@
 namespace litags {
 
 // Takes jobs one after the other until `shutdown` is raised. Errors of the store are logged and
-// waited out; a worker that could not begin a job takes none until CheckWorker() finds it well.
+// waited out; a worker that could not begin a job takes none until CheckWorkerAfter() finds it
+// well.
 void RunWorker(const WorkerContext& context, const WorkerOptions& options,
                const CancelToken& shutdown);
 
