@@ -1,5 +1,9 @@
 #include "server/jobs/leases.h"
 
+#include <algorithm>
+#include <cstdlib>
+#include <utility>
+
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "engine/core/error.h"
@@ -9,6 +13,8 @@
 
 namespace litags {
 namespace {
+
+constexpr int64_t kJumpMs = 4000;  // less between two clocks is no sleep, and costs no lease
 
 absl::Status CheckHeld(const JobRecord& job, const Lease& lease) {
   if (job.state == JobState::kRunning && job.lease_owner == lease.owner &&
@@ -33,6 +39,18 @@ std::string ValidText(std::string_view text) {
 
 }  // namespace
 
+Leases::Leases(JobStore* store, BlobStore* blobs, LeaseOptions options, Clock clock, Clock awake_ms)
+    : store_(store),
+      blobs_(blobs),
+      options_(options),
+      clock_(clock ? clock : StoreClock(store)),
+      awake_ms_(awake_ms ? std::move(awake_ms)
+                : clock  ? clock
+                         : AwakeClockMs),
+      watched_ms_(clock_()) {
+  ahead_ms_ = watched_ms_ - awake_ms_();
+}
+
 absl::Status Leases::ShortenImpossibleLeases() {
   const int64_t latest_ms = clock_() + options_.duration_ms;
   for (;;) {
@@ -45,9 +63,16 @@ absl::Status Leases::ShortenImpossibleLeases() {
   }
 }
 
+int64_t Leases::RenewableSinceMs() {
+  std::lock_guard lock(mutex_);
+  const int64_t now_ms = clock_(), ahead_ms = now_ms - awake_ms_();
+  if (std::abs(ahead_ms - ahead_ms_) > kJumpMs) watched_ms_ = now_ms;
+  ahead_ms_ = ahead_ms;
+  return std::max(watched_ms_, store_->ReachableSinceMs());
+}
+
 absl::Status Leases::AbandonStale() {
-  const int64_t since_ms = store_->ReachableSinceMs();
-  if (since_ms != 0 && clock_() - since_ms < options_.duration_ms) return absl::OkStatus();
+  if (clock_() - RenewableSinceMs() < options_.duration_ms) return absl::OkStatus();
   for (;;) {
     LITAGS_ASSIGN_OR_RETURN(
         const auto expired, store_->UpdateFirstExpired(clock_(), [&](JobTransaction& job) {

@@ -4,6 +4,7 @@
 #define LITAGS_SERVER_JOBS_LEASES_H_
 
 #include <cstdint>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -37,12 +38,11 @@ struct Lease {
 // if the job was given to another worker, ended or deleted.
 class Leases {
  public:
-  // The stores must outlive this. Without a clock, the store's is used.
-  Leases(JobStore* store, BlobStore* blobs, LeaseOptions options = {}, Clock clock = nullptr)
-      : store_(store),
-        blobs_(blobs),
-        options_(options),
-        clock_(clock ? std::move(clock) : StoreClock(store)) {}
+  // The stores must outlive this. Without a clock, the store's and AwakeClockMs() are used.
+  // `awake_ms`: a clock that nobody sets, and that stands still while the machine sleeps; nullptr:
+  // `clock` is such a clock.
+  Leases(JobStore* store, BlobStore* blobs, LeaseOptions options = {}, Clock clock = nullptr,
+         Clock awake_ms = nullptr);
 
   // Takes the first queued job that fits a worker which has that; nullopt if there is none. Puts
   // jobs with stale leases back into the queue first.
@@ -97,13 +97,18 @@ class Leases {
   // dead worker would keep its job until the old time came again. A living one renews in time.
   absl::Status ShortenImpossibleLeases();
   // Puts jobs with stale leases back into the queue. Not before everybody had the time to renew
-  // theirs, if the store was away.
+  // theirs: since this process began, the store was away, the machine slept or the clock was set.
   absl::Status AbandonStale();
+  // The time since which others can have renewed their leases, as far as is known here.
+  int64_t RenewableSinceMs();
 
   JobStore* const store_;
   BlobStore* const blobs_;
   const LeaseOptions options_;
-  const Clock clock_;
+  const Clock clock_, awake_ms_;
+  std::mutex mutex_;
+  int64_t ahead_ms_ = 0;    // of clock_ before awake_ms_, when that was looked at last
+  int64_t watched_ms_ = 0;  // the time since which the two have gone together
 };
 
 }  // namespace litags

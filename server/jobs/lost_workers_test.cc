@@ -11,7 +11,17 @@ namespace {
 
 using ::testing::HasSubstr;
 
-using LostWorkers = JobsTest;
+// Beside the clock that the test sets, one that nobody sets.
+class LostWorkers : public JobsTest {
+ protected:
+  void SetClock(int64_t by_ms) {
+    now_ms_ += by_ms;
+    set_ms_ += by_ms;
+  }
+
+  int64_t set_ms_ = 0;
+  Leases leases_{store_.get(), blobs_.get(), {}, clock_, [this] { return now_ms_ - set_ms_; }};
+};
 
 TEST_F(LostWorkers, SilentWorkerLosesTheJobAndCanWriteNothingMore) {
   const std::string id = StartedJob();
@@ -38,7 +48,7 @@ TEST_F(LostWorkers, ClockSetBackNeitherKeepsADeadWorkersJobNorTakesALivingOnes) 
   ASSERT_TRUE(leases_.Acquire("dead")->has_value());
   const std::string living = StartedJob();
   const Lease lease = **leases_.Acquire("living");
-  now_ms_ -= 3'600'000;
+  SetClock(-600'000);
   EXPECT_FALSE(leases_.Acquire("idle")->has_value());
   now_ms_ += 9'000;
   ASSERT_TRUE(leases_.Heartbeat(lease, 0).ok());
@@ -53,15 +63,32 @@ TEST_F(LostWorkers, ClockSetBackNeitherKeepsADeadWorkersJobNorTakesALivingOnes) 
   EXPECT_EQ(History(living), "UPLOADING QUEUED RUNNING SUCCEEDED ");
 }
 
-TEST_F(LostWorkers, ClockSetForwardCostsAnAttemptAndNoJob) {
-  const std::string id = StartedJob();
-  const Lease first = **leases_.Acquire("w1");
-  now_ms_ += 3'600'000;
-  const auto second = leases_.Acquire("w2");
-  ASSERT_TRUE(second.ok() && second->has_value());
-  EXPECT_EQ(Reason(leases_.Succeed(first, {}, {})), "LEASE_LOST");
-  ASSERT_TRUE(leases_.Succeed(**second, {}, kScene).ok());
-  EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
+// A machine that wakes up sees the same.
+TEST_F(LostWorkers, ClockSetForwardTakesNoJobFromALivingWorkerAndADeadOnesALeaseLater) {
+  const std::string living = StartedJob();
+  const Lease lease = **leases_.Acquire("living");
+  const std::string dead = StartedJob();
+  ASSERT_TRUE(leases_.Acquire("dead")->has_value());
+  SetClock(3'600'000);
+  EXPECT_FALSE(leases_.Acquire("idle")->has_value());
+  now_ms_ += 9'000;
+  EXPECT_FALSE(leases_.Acquire("idle")->has_value());
+  ASSERT_TRUE(leases_.Heartbeat(lease, 0).ok());
+  now_ms_ += 1'000;
+  EXPECT_EQ(leases_.Acquire("idle")->value().job.id, dead);
+  EXPECT_TRUE(leases_.Succeed(lease, {}, kScene).ok());
+  EXPECT_EQ(History(living), "UPLOADING QUEUED RUNNING SUCCEEDED ");
+}
+
+// The database was away, and the worker that starts is the first one back.
+TEST_F(LostWorkers, WorkerThatStartsTakesNoJobWhoseWorkerHadNoTimeToRenew) {
+  StartedJob();
+  ASSERT_TRUE(leases_.Acquire("w1")->has_value());
+  now_ms_ += 20'000;
+  Leases starting(store_.get(), blobs_.get(), {}, clock_);
+  EXPECT_FALSE(starting.Acquire("w2")->has_value());
+  now_ms_ += 10'000;
+  EXPECT_TRUE(starting.Acquire("w2")->has_value());
 }
 
 TEST_F(LostWorkers, JobFailsWithItsReasonAfterThreeLostWorkers) {
