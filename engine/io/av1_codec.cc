@@ -80,6 +80,7 @@ heif_error Copy(const Dav1dPicture& from, heif_image** out) {
   const Dav1dSequenceHeader& header = *from.seq_hdr;
   picture.kind = {.matrix = static_cast<int>(header.mtrx),
                   .primaries = static_cast<int>(header.pri),
+                  .transfer = static_cast<int>(header.trc),
                   .full_range = header.color_range != 0,
                   .bits = picture.bits};
   if (header.chr != DAV1D_CHR_UNKNOWN) picture.site_x = ChromaSite::kFirst;

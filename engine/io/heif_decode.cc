@@ -146,8 +146,8 @@ struct HeifFile {
     return CodePoints(points);
   }
 
-  // nullopt: of a picture for HDR screens.
-  std::optional<ColorSpace> Colors() const {
+  // As the file says, else as the stream does. nullopt: of a picture for HDR screens.
+  std::optional<ColorSpace> Colors(const YCbCrKind& stream) const {
     const size_t size = heif_image_handle_get_raw_color_profile_size(handle.get());
     if (size > 0 && size <= kMaxProfileBytes) {
       std::string icc(size, '\0');
@@ -155,7 +155,7 @@ struct HeifFile {
       return ColorSpace::FromIccOrSrgb(icc, 3);
     }
     const CodePoints points = Points();
-    if (points == nullptr) return ColorSpace::Srgb(3);
+    if (points == nullptr) return ColorSpace::FromCodePoints(stream.primaries, stream.transfer);
     return ColorSpace::FromCodePoints(points->color_primaries, points->transfer_characteristics);
   }
 
@@ -193,11 +193,6 @@ absl::StatusOr<Photo> DecodeHeif(std::string_view bytes, const ImageInfo& info,
                                  std::string_view field) {
   HeifFile file;
   LITAGS_RETURN_IF_ERROR(file.Open(bytes, field));
-  const std::optional<ColorSpace> space = file.Colors();
-  if (!space.has_value()) {
-    return InvalidField("IMAGE_UNSUPPORTED", field,
-                        "a picture for HDR screens (PQ or HLG); save it in standard range");
-  }
   const Options options(heif_decoding_options_alloc());
   options->strict_decoding = 1;
   TakeCodedPictures();
@@ -207,6 +202,11 @@ absl::StatusOr<Photo> DecodeHeif(std::string_view bytes, const ImageInfo& info,
   const Picture picture(decoded);
   if (error.code != heif_error_Ok) return ErrorOf(error, field);
   const CodedPictures coded = TakeCodedPictures();
+  const std::optional<ColorSpace> space = file.Colors(coded.kind);
+  if (!space.has_value()) {
+    return InvalidField("IMAGE_UNSUPPORTED", field,
+                        "a picture for HDR screens (PQ or HLG); save it in standard range");
+  }
   const auto stored = static_cast<uint64_t>(heif_image_handle_get_ispe_width(file.handle.get())) *
                       static_cast<uint64_t>(heif_image_handle_get_ispe_height(file.handle.get()));
   if (coded.pixels < stored) {

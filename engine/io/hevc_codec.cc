@@ -117,6 +117,7 @@ heif_error Copy(const de265_image* image, heif_image** out) {
   }
   picture.kind = {.matrix = de265_get_image_matrix_coefficients(image),
                   .primaries = de265_get_image_colour_primaries(image),
+                  .transfer = de265_get_image_transfer_characteristics(image),
                   .full_range = de265_get_image_full_range_flag(image) != 0,
                   .bits = picture.bits};
   return CopyPicture(picture, out);

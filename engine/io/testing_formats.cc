@@ -189,7 +189,7 @@ heif_image* MakeHeifImage(const TestYCbCr& picture, bool alpha, const std::strin
   }
   heif_color_profile_nclx* points = heif_nclx_color_profile_alloc();
   points->color_primaries = heif_color_primaries_ITU_R_BT_709_5;
-  points->transfer_characteristics = heif_transfer_characteristic_IEC_61966_2_1;
+  points->transfer_characteristics = static_cast<heif_transfer_characteristics>(picture.transfer);
   points->matrix_coefficients = static_cast<heif_matrix_coefficients>(picture.matrix);
   points->full_range_flag = picture.full_range;
   heif_image_set_nclx_color_profile(image, points);

@@ -36,7 +36,7 @@ struct TestYCbCr {
   int width = 0, height = 0, bits = 8;
   int across = 2, down = 2;  // pixels to a sample of chroma: 1, 1 is 4:4:4, and 2, 2 is 4:2:0
   bool grey = false;
-  int matrix = 6;  // code point of ITU-T H.273
+  int matrix = 6, transfer = 13;  // code points of ITU-T H.273
   bool full_range = true;
   std::array<std::vector<uint16_t>, 3> codes = {};
 

@@ -70,7 +70,7 @@ class Upsampler {
 
 // Code points of ITU-T H.273; 2: not said.
 struct YCbCrKind {
-  int matrix = 2, primaries = 2;
+  int matrix = 2, primaries = 2, transfer = 2;
   bool full_range = true;
   int bits = 8;
 };

@@ -118,6 +118,24 @@ TEST(HeifYCbCr, OfOddSizeKeepsItsLastRowAndColumn) {
   ExpectFormula(EncodeTestHeif(picture, {.av1 = true}), picture);
 }
 
+// Without a property of colours, the stream tells that it is none of standard range.
+TEST(HeifYCbCr, ForHdrScreensIsRefusedByWhatItsStreamSays) {
+  constexpr int kPq = 16;
+  for (const bool av1 : {false, true}) {
+    TestYCbCr picture = Waves(34, 22, {});
+    for (const int transfer : {picture.transfer, kPq}) {
+      picture.transfer = transfer;
+      std::string bytes = EncodeTestHeif(picture, {.av1 = av1});
+      for (size_t at = 0; (at = bytes.find("colr", at)) != std::string::npos;) {
+        bytes.replace(at, 4, "free");
+      }
+      EXPECT_EQ(Reason(DecodePhoto(bytes, "f").status()),
+                transfer == kPq ? "IMAGE_UNSUPPORTED" : "")
+          << av1;
+    }
+  }
+}
+
 TEST(HeifYCbCr, IsTurnedAsItsPropertiesSay) {
   const TestYCbCr picture = Waves(34, 22, {});
   const Photo upright = DecodePhoto(EncodeTestHeif(picture, {}), "f").value();
