@@ -119,6 +119,11 @@ class ModelScene : public Scene {
   absl::StatusOr<int64_t> Export(const std::string& path,
                                  const ExportRequest& request) const override {
     LITAGS_RETURN_IF_ERROR(CheckExport(request));
+    if (!model_.lita && request.light == 1) {  // that of the photos is its only one
+      ExportRequest only = request;
+      only.light = 0;
+      return Export(path, only);
+    }
     if (request.light != 0 && !model_.lita) {
       return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "light",
                        "light: this scene was trained with plain 3dgs and has one light only");

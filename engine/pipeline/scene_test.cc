@@ -125,8 +125,10 @@ TEST(Scene, PlainScenesHaveColorDepthAndAlphaOnly) {
     EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << static_cast<int>(channel);
     EXPECT_EQ(Reason(status), "CHANNEL_UNAVAILABLE") << static_cast<int>(channel);
   }
-  EXPECT_EQ(Reason(scene->ExportPly(dir / "a.ply", /*light=*/1)), "CHANNEL_UNAVAILABLE");
+  EXPECT_EQ(Reason(scene->ExportPly(dir / "a.ply", /*light=*/0.5)), "CHANNEL_UNAVAILABLE");
   EXPECT_TRUE(scene->ExportPly(dir / "a.ply", /*light=*/0).ok());
+  EXPECT_TRUE(scene->ExportPly(dir / "original.ply", /*light=*/1).ok());
+  EXPECT_TRUE(Bytes(dir / "a.ply") == Bytes(dir / "original.ply"));
 }
 
 TEST(Scene, WithoutTheDenoiserThereIsNoNoiseChannel) {
