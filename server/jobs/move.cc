@@ -126,7 +126,7 @@ class Mover {
   BlobStore* const to_;
   const std::string staging_;
   const std::function<void(const std::string&)>& note_;
-  SteadyClock::time_point noted_ = SteadyClock::now();
+  SteadyClock::time_point noted_;  // long ago
 };
 
 }  // namespace
@@ -148,10 +148,11 @@ absl::StatusOr<MoveSummary> MoveInstallation(const StorePlaces& from, const Stor
   LITAGS_ASSIGN_OR_RETURN(const auto target, OpenBlobStore(to, data));
   // By the id that the target's job store will have, too.
   LITAGS_RETURN_IF_ERROR(ClaimBlobs(to, store.get(), target.get()).status());
+  LITAGS_ASSIGN_OR_RETURN(const RowSums rows, ReadRowSums(from, data));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids, JobIds(store.get()));
   Mover mover(source.get(), target.get(), data, note);
   for (const std::string& id : ids) LITAGS_RETURN_IF_ERROR(mover.MoveJob(id));
-  LITAGS_ASSIGN_OR_RETURN(mover.summary.rows, CopyRows(from, to, data));
+  LITAGS_ASSIGN_OR_RETURN(mover.summary.rows, CopyRows(from, to, data, rows));
   LITAGS_RETURN_IF_ERROR(CheckUnused(store.get(), "store"));
   LITAGS_ASSIGN_OR_RETURN(const auto partials, ListFolder(data.uploads()));
   mover.summary.partial_jobs = static_cast<int64_t>(partials.size());

@@ -210,14 +210,26 @@ absl::Status Insert(Database& to, const std::string& table, const Columns& colum
   return insert->Run().status();
 }
 
+absl::Status SourceChanged() {
+  return MakeError(absl::StatusCode::kDataLoss, "COPY_DIFFERS", "store",
+                   "the source was changed meanwhile; stop who uses it, empty the target and try "
+                   "again");
+}
+
 }  // namespace
 
+absl::StatusOr<RowSums> ReadRowSums(const StorePlaces& places, const DataDir& data) {
+  LITAGS_ASSIGN_OR_RETURN(const auto database, Database::Open(places, data));
+  return SumsOf(*database);
+}
+
 absl::StatusOr<RowSums> CopyRows(const StorePlaces& from, const StorePlaces& to,
-                                 const DataDir& data) {
+                                 const DataDir& data, const RowSums& wanted) {
   LITAGS_ASSIGN_OR_RETURN(const auto source, Database::Open(from, data));
   LITAGS_ASSIGN_OR_RETURN(const auto target, Database::Open(to, data));
   LITAGS_RETURN_IF_ERROR(CheckLayouts(source->layout(), target->layout()));
-  LITAGS_ASSIGN_OR_RETURN(const RowSums wanted, SumsOf(*source));
+  LITAGS_ASSIGN_OR_RETURN(const RowSums before, SumsOf(*source));
+  if (before != wanted) return SourceChanged();
   LITAGS_ASSIGN_OR_RETURN(RowSums found, SumsOf(*target));
   if (found.at("jobs").rows > 0 && found != wanted) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "TARGET_NOT_EMPTY", "to-store",
@@ -236,11 +248,10 @@ absl::StatusOr<RowSums> CopyRows(const StorePlaces& from, const StorePlaces& to,
     LITAGS_ASSIGN_OR_RETURN(found, SumsOf(*target));
   }
   LITAGS_ASSIGN_OR_RETURN(const RowSums after, SumsOf(*source));
-  if (found != wanted || after != wanted) {
+  if (after != wanted) return SourceChanged();
+  if (found != wanted) {
     return MakeError(absl::StatusCode::kDataLoss, "COPY_DIFFERS", "to-store",
-                     after != wanted ? "the source was changed meanwhile; stop who uses it, empty "
-                                       "the target and try again"
-                                     : "what was read back differs from what was written");
+                     "what was read back differs from what was written");
   }
   return found;
 }

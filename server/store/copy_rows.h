@@ -20,15 +20,19 @@ struct RowSum {
 };
 using RowSums = std::map<std::string, RowSum>;  // by table
 
+// What a store holds, brought to the newest layout. Errors of the stores.
+absl::StatusOr<RowSums> ReadRowSums(const StorePlaces& places, const DataDir& data);
+
 // Brings both stores to the newest layout, then copies every row of every table but `workers`, in
 // one transaction: the target has all or none. The target becomes the same installation. Tables and
 // columns are those that the databases say they have. If the target has jobs already, they must be
 // the same, and nothing is written. Returns what both stores hold, read anew from each.
 //
-// Nobody may use the stores meanwhile. FAILED_PRECONDITION (TARGET_NOT_EMPTY, LAYOUTS_DIFFER),
-// DATA_LOSS (COPY_DIFFERS), and the errors of the stores.
+// `wanted`: ReadRowSums() of the source before anything of it was copied, blobs included. Nobody
+// may use the stores since. FAILED_PRECONDITION (TARGET_NOT_EMPTY, LAYOUTS_DIFFER), DATA_LOSS
+// (COPY_DIFFERS), and the errors of the stores.
 absl::StatusOr<RowSums> CopyRows(const StorePlaces& from, const StorePlaces& to,
-                                 const DataDir& data);
+                                 const DataDir& data, const RowSums& wanted);
 
 }  // namespace litags
 

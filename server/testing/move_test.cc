@@ -224,6 +224,18 @@ TEST_F(Move, SourceWithAWorkerOrALeaseIsRefused) {
   EXPECT_TRUE(MoveTo(to_).ok());
 }
 
+// As by a server that has no workers. The blobs of a job made meanwhile would be left behind.
+TEST_F(Move, SourceThatChangesMeanwhileIsRefusedBeforeARowIsThere) {
+  const auto store = *OpenJobStore(from_, data_);
+  const auto add = [&](const std::string&) {
+    JobRecord job = Empty();
+    job.id = "00000000000000a5";
+    EXPECT_TRUE(store->Create(job, [](JobTransaction&) { return absl::OkStatus(); }).ok());
+  };
+  EXPECT_EQ(Reason(MoveInstallation(from_, to_, data_, add).status()), "COPY_DIFFERS");
+  EXPECT_TRUE((*OpenJobStore(to_, data_))->List(0, "", 10)->empty());
+}
+
 TEST_F(Move, FolderWithoutAnInstallationIsNoneThatCouldBeMoved) {
   const DataDir empty = *DataDir::Open(dir_.path() + "/typo");
   EXPECT_EQ(Reason(MoveInstallation({}, to_, empty, [](const std::string&) {}).status()),
