@@ -381,10 +381,13 @@ TEST_F(JobStoreConformance, JobsOfTheOldestVersionAreKept) {
 }
 
 TEST_F(JobStoreConformance, DatabasesThatAreTooNewOrTooOldAreRefused) {
+  EXPECT_TRUE(kind_->Check().ok());
   ASSERT_TRUE(kind_->SetVersion(99).ok());
   EXPECT_EQ(Reason(kind_->Open().status()), "STORE_TOO_NEW");
+  EXPECT_EQ(Reason(kind_->Check()), "STORE_TOO_NEW");
   ASSERT_TRUE(kind_->SetVersion(3).ok());
   EXPECT_EQ(Reason(kind_->Open().status()), "STORE_TOO_OLD");
+  EXPECT_EQ(Reason(kind_->Check()), "STORE_TOO_OLD");
 }
 
 }  // namespace

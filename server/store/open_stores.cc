@@ -12,6 +12,7 @@
 #include "engine/core/error.h"
 #include "server/store/file_error.h"
 #include "server/store/postgres.h"
+#include "server/store/postgres_migrations.h"
 #include "server/store/sqlite.h"
 
 namespace litags {
@@ -235,7 +236,10 @@ absl::Status CheckBlobsAreOurs(const StorePlaces& places, const DataDir& data, B
 
 absl::Status CheckJobStore(const StorePlaces& places, const DataDir& data) {
   LITAGS_RETURN_IF_ERROR(places.Validate());
-  if (IsPostgres(places.jobs)) return PgConnection::Open(places.jobs).status();
+  if (IsPostgres(places.jobs)) {
+    LITAGS_ASSIGN_OR_RETURN(const auto connection, PgConnection::Open(places.jobs));
+    return CheckPostgresVersion(connection.get());
+  }
   return CheckSqliteJobStore(places.SqlitePath(data));
 }
 

@@ -66,7 +66,7 @@ absl::Status CheckBlobsAreOurs(const StorePlaces& places, const DataDir& data, B
 
 // Whether there is a store to begin with, without changing it: a file is read as a whole, unless it
 // is not there yet; a database is connected to. DATA_LOSS (STORE_CORRUPT), UNAVAILABLE
-// (STORE_UNAVAILABLE).
+// (STORE_UNAVAILABLE), FAILED_PRECONDITION (STORE_TOO_NEW, STORE_TOO_OLD).
 absl::Status CheckJobStore(const StorePlaces& places, const DataDir& data);
 
 }  // namespace litags

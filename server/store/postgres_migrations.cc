@@ -35,6 +35,11 @@ absl::StatusOr<bool> StepInTransaction(PgConnection* connection, int64_t last) {
 
 }  // namespace
 
+absl::Status CheckPostgresVersion(PgConnection* connection) {
+  LITAGS_ASSIGN_OR_RETURN(const int64_t version, Version(*connection));
+  return CheckVersion(version, kSteps);
+}
+
 absl::Status MigratePostgres(PgConnection* connection, int64_t last) {
   for (;;) {
     LITAGS_RETURN_IF_ERROR(connection->Begin());

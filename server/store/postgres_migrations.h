@@ -13,6 +13,9 @@ namespace litags {
 // an advisory lock, or to version `last`, for tests. Errors of MigrateOneStep.
 absl::Status MigratePostgres(PgConnection* connection, int64_t last = kNewestVersion);
 
+// Whether MigratePostgres() would refuse the database; changes nothing.
+absl::Status CheckPostgresVersion(PgConnection* connection);
+
 }  // namespace litags
 
 #endif  // LITAGS_SERVER_STORE_POSTGRES_MIGRATIONS_H_

@@ -26,9 +26,12 @@ struct VersionAccess {
   absl::FunctionRef<absl::Status(SqlSession&, int64_t version)> set;
 };
 
+// FAILED_PRECONDITION (STORE_TOO_NEW, STORE_TOO_OLD) if a database of version `found` is newer than
+// this program or older than the first of `steps`.
+absl::Status CheckVersion(int64_t found, absl::Span<const MigrationStep> steps);
+
 // One step of a migration, in the session's transaction, which keeps others from migrating. False:
-// the database has the newest version, or version `last`. FAILED_PRECONDITION (STORE_TOO_NEW,
-// STORE_TOO_OLD) if it is newer than this program or older than the first of `steps`.
+// the database has the newest version, or version `last`. Errors of CheckVersion().
 absl::StatusOr<bool> MigrateOneStep(SqlSession& sql, absl::Span<const MigrationStep> steps,
                                     const VersionAccess& version, int64_t last);
 

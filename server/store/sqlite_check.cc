@@ -5,6 +5,7 @@
 #include "engine/core/error.h"
 #include "server/store/job_store.h"
 #include "server/store/sqlite.h"
+#include "server/store/sqlite_migrations.h"
 
 namespace litags {
 
@@ -25,7 +26,7 @@ absl::Status CheckSqliteJobStore(const std::string& path) {
   if (absl::IsDataLoss(found.status())) return damaged(found.status().message());
   LITAGS_RETURN_IF_ERROR(found.status());
   const std::string verdict = absl::StrReplaceAll(row->Text(0), {{"\n", " "}});
-  return verdict == "ok" ? absl::OkStatus() : damaged(verdict);
+  return verdict == "ok" ? CheckSqliteVersion(connection->get()) : damaged(verdict);
 }
 
 }  // namespace litags

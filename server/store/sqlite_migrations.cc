@@ -24,6 +24,11 @@ absl::Status SetVersion(SqlSession& sql, int64_t version) {
 
 }  // namespace
 
+absl::Status CheckSqliteVersion(SqliteConnection* connection) {
+  LITAGS_ASSIGN_OR_RETURN(const int64_t version, Version(*connection));
+  return CheckVersion(version, kSteps);
+}
+
 absl::Status MigrateSqlite(SqliteConnection* connection, int64_t last) {
   for (;;) {
     // Another process may migrate at the same time: each step looks under the write lock.

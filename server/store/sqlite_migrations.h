@@ -13,6 +13,9 @@ namespace litags {
 // version `last`, for tests. Errors of MigrateOneStep.
 absl::Status MigrateSqlite(SqliteConnection* connection, int64_t last = kNewestVersion);
 
+// Whether MigrateSqlite() would refuse the database; changes nothing.
+absl::Status CheckSqliteVersion(SqliteConnection* connection);
+
 }  // namespace litags
 
 #endif  // LITAGS_SERVER_STORE_SQLITE_MIGRATIONS_H_

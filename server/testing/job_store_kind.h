@@ -47,6 +47,8 @@ class JobStoreKind {
   virtual absl::Status MakeOldest() = 0;
   // Claims that a program of that version wrote it.
   virtual absl::Status SetVersion(int64_t version) = 0;
+  // CheckJobStore() of the place.
+  virtual absl::Status Check() = 0;
 };
 
 // The kind that a test program is linked with; null if it cannot be had on this machine.

@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "server/store/open_stores.h"
 #include "server/store/postgres.h"
 #include "server/store/postgres_migrations.h"
 #include "server/testing/free_port.h"
@@ -50,6 +51,8 @@ class PostgresKind : public JobStoreKind {
     LITAGS_ASSIGN_OR_RETURN(const auto connection, PgConnection::Open(url_));
     return connection->Execute(absl::StrCat("UPDATE litags_schema SET version = ", version));
   }
+
+  absl::Status Check() override { return CheckJobStore({url_, "", ""}, {}); }
 
  private:
   const std::string url_;

@@ -1,4 +1,5 @@
 #include "absl/strings/str_cat.h"
+#include "server/store/open_stores.h"
 #include "server/store/sqlite_migrations.h"
 #include "server/testing/job_store_kind.h"
 #include "server/testing/temp_dir.h"
@@ -20,6 +21,8 @@ class SqliteKind : public JobStoreKind {
     LITAGS_ASSIGN_OR_RETURN(const auto connection, SqliteConnection::Open(path_));
     return connection->Execute(absl::StrCat("PRAGMA user_version=", version));
   }
+
+  absl::Status Check() override { return CheckJobStore({"sqlite://" + path_, "", ""}, {}); }
 
  private:
   TempDir dir_;
