@@ -123,7 +123,15 @@ absl::StatusOr<std::unique_ptr<PgConnection>> PgConnection::Open(const std::stri
       new PgConnection(PQconnectdbParams(keywords, values, /*expand_dbname=*/1)));
   PGconn* const pg = connection->connection_;
   if (!pg) return StoreUnavailable("out of memory");
-  if (PQstatus(pg) != CONNECTION_OK) return StoreUnavailable(Trimmed(PQerrorMessage(pg)));
+  if (PQstatus(pg) != CONNECTION_OK) {
+    std::string why = Trimmed(PQerrorMessage(pg));
+    // libpq gives no SQLSTATE (53300) of a connection that was refused.
+    if (why.find("too many clients") != std::string::npos ||
+        why.find("connection slots are reserved") != std::string::npos) {
+      why += "; raise PostgreSQL's max_connections: docs/scaling.md says to what";
+    }
+    return StoreUnavailable(why);
+  }
   if (PQserverVersion(pg) < kOldestServer) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "STORE_TOO_OLD", "store",
                      absl::StrCat("the PostgreSQL server has version ", PQserverVersion(pg) / 10000,

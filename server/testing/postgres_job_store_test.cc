@@ -74,6 +74,18 @@ TEST_F(PostgresJobStoreTest, CallsFailAtOnceWhileTheDatabaseIsAwayAndWorkWhenItI
   EXPECT_TRUE(store_->Update("a1", Nothing).ok());
 }
 
+TEST_F(PostgresJobStoreTest, MessageOfADatabaseThatIsFullNamesTheSettingToRaise) {
+  std::vector<std::unique_ptr<PgConnection>> connections;
+  absl::Status refused;
+  for (int i = 0; i < 200 && refused.ok(); ++i) {
+    auto opened = PgConnection::Open(url_);
+    refused = opened.status();
+    if (opened.ok()) connections.push_back(*std::move(opened));
+  }
+  EXPECT_EQ(Reason(refused), "STORE_UNAVAILABLE");
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("raise PostgreSQL's max_connections"));
+}
+
 TEST_F(PostgresJobStoreTest, RestartBetweenTwoCallsIsNotNoticed) {
   ASSERT_TRUE(store_->Create(MakeJob("a1"), Nothing).ok());
   server_->Stop();

@@ -212,6 +212,38 @@ class Kubernetes(unittest.TestCase):
         self.assertIn("/etc/litags/tls/ca.crt", out, "the probe gets as far as its file")
         self.assertNotEqual(code, 0)
 
+    def test_commands_in_comments_are_commands(self):
+        found = []
+        for folder, _, files in os.walk(KUBERNETES):
+            for name in files:
+                with open(os.path.join(folder, name)) as file:
+                    found += re.findall(r"#.*\blitags ([a-z]+)( --[^)\n]*)", file.read())
+        self.assertTrue(found)
+        for command, rest in found:
+            code, out = run(PROGRAMS["litags"], command, "--help")
+            self.assertEqual(code, 0, out)
+            self.assertLessEqual(set(re.findall(r"--[a-z-]+", rest)),
+                                 set(re.findall(r"--[a-z-]+", out)))
+
+    def test_the_database_takes_the_connections_of_all_if_the_docs_are_followed(self):
+        with open(os.path.join(DEPLOY, "..", "docs", "scaling.md")) as file:
+            text = " ".join(file.read().split())
+        server, worker = map(int, re.search(
+            r"A server takes (\d+) connections to PostgreSQL at most, a worker (\d+)", text).groups())
+        with open(os.path.join(DEPLOY, "..", "server", "store", "postgres_pool.h")) as file:
+            pool = int(re.search(r"kMaxConnections = (\d+)", file.read()).group(1))
+        self.assertEqual(server, pool + 2, "two listen for changes")
+        all_sizes = re.findall(r"(\d+) for the (two|three)[ a-z]* and (\d+)", text)
+        self.assertEqual(len(all_sizes), 2)
+        for sizes in all_sizes:
+            limit, servers, workers = int(sizes[0]), {"two": 2, "three": 3}[sizes[1]], int(sizes[2])
+            self.assertGreaterEqual(limit, servers * server + workers * worker + 10)
+            folder = "base" if servers == 2 else "overlays/example"
+            words = "".join(open(os.path.join(KUBERNETES, folder, name)).read()
+                            for name in os.listdir(os.path.join(KUBERNETES, folder)))
+            self.assertRegex(words, rf"(replicas|count): {servers}\b")
+            self.assertRegex(words, rf"(maxReplicas: |/maxReplicas, value: ){workers}\b")
+
     def test_pods_get_more_time_to_end_than_they_need(self):
         # A worker ends within 10 s (service/fleet); a server waits 8 s for its own workers, if any.
         for name, least in (("litags-server", 30), ("litags-worker", 30)):
