@@ -46,8 +46,8 @@ absl::Status InstallationMarker::Check() const {
   if (!ids.empty()) return absl::OkStatus();
   return MakeError(absl::StatusCode::kFailedPrecondition, "BLOBS_NOT_MARKED", "blobs",
                    absl::StrCat("the marker ", place_, "/", kFolder, "/", id_,
-                                " of this installation is gone; a server puts it back when it "
-                                "starts"));
+                                " of this installation is not there: is --blobs right, and the "
+                                "volume mounted? A server puts the marker back when it starts"));
 }
 
 absl::Status InstallationMarker::CheckOthers(const std::vector<std::string>& ids) const {
