@@ -35,6 +35,10 @@ void AddThreadsOption(CLI::App* command, int* threads) {
   command->add_option("--threads", *threads, "0: all cores")->capture_default_str();
 }
 
+void AddLpipsOption(CLI::App* command, std::string* path) {
+  command->add_option("--lpips", *path, "ONNX network of LPIPS, inputs in0 and in1");
+}
+
 void AddJsonOption(CLI::App* command, std::string* path) {
   command->add_option("--json", *path, "also write the figures here");
 }

@@ -25,6 +25,9 @@ void AddGaussiansOption(CLI::App* command, int* gaussians);
 // Adds --threads.
 void AddThreadsOption(CLI::App* command, int* threads);
 
+// Adds --lpips, the path of a network.
+void AddLpipsOption(CLI::App* command, std::string* path);
+
 // Adds --json; WriteJson writes there if it was given.
 void AddJsonOption(CLI::App* command, std::string* path);
 absl::Status WriteJson(const std::string& path, const std::string& json);

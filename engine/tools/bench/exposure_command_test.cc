@@ -101,7 +101,7 @@ TEST(ExposureCommand, ErrorsOfAScenesLightsDifferByTheirGains) {
   write("high", "b.png", 0.5);
   write("one", "a.png", 1);
   write("half", "b.png", 0.5);
-  write("quarter", "a.png", 0.25);
+  write("quarter", "a.PNG", 0.25);
   EXPECT_NEAR(error("one"), error("quarter"), 0.05) << "darker, and brightened by as much more";
   EXPECT_NEAR(error("half"), error("one") + 1, 0.05) << "the truth is darker";
   write("none", "c.png", 1);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <functional>
 #include <limits>
 #include <vector>
@@ -13,6 +12,7 @@
 #include "engine/core/photo.h"
 #include "engine/io/image_io.h"
 #include "engine/target/tone.h"
+#include "engine/tools/evaluation/test_view.h"
 
 namespace litags {
 namespace {
@@ -84,9 +84,10 @@ absl::StatusOr<double> ExposureErrorOfScene(const std::string& scene, const std:
   std::vector<Photo> photos;
   std::vector<Pair> pairs;
   for (const std::string& name : names) {
-    if (!std::filesystem::exists(absl::StrCat(truth, "/", name))) continue;
+    const absl::StatusOr<std::string> normal_path = FindPhoto(truth, name);
+    if (!normal_path.ok()) continue;
     LITAGS_ASSIGN_OR_RETURN(Photo photo, ReadPhoto(absl::StrCat(folder, "/", name), name));
-    LITAGS_ASSIGN_OR_RETURN(const Photo normal, ReadPhoto(absl::StrCat(truth, "/", name), name));
+    LITAGS_ASSIGN_OR_RETURN(const Photo normal, ReadPhoto(*normal_path, name));
     LITAGS_RETURN_IF_ERROR(AddPairs(photo, normal, name, &pairs));
     photos.push_back(std::move(photo));
   }

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "CLI/App.hpp"
@@ -10,6 +11,7 @@
 #include "CLI/Formatter.hpp"
 #include "absl/status/status.h"
 #include "engine/core/error.h"
+#include "engine/eval/lpips.h"
 #include "engine/io/image_io.h"
 #include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
@@ -21,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct ScoreArguments {
-  std::string pictures, truth, json;
+  std::string pictures, truth, lpips, json;
 };
 
 absl::Status Score(const ScoreArguments& args) {
@@ -29,7 +31,11 @@ absl::Status Score(const ScoreArguments& args) {
   for (const fs::directory_entry& file : fs::directory_iterator(args.truth)) {
     truth_by_stem[file.path().stem()] = file.path().filename();
   }
-  Scorer scorer(args.truth);
+  std::optional<Lpips> lpips;
+  if (!args.lpips.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(lpips, Lpips::Load(args.lpips));
+  }
+  Scorer scorer(args.truth, lpips.has_value() ? &*lpips : nullptr);
   std::map<std::string, std::string> pictures;  // sorted
   for (const fs::directory_entry& file : fs::directory_iterator(args.pictures)) {
     const auto truth = truth_by_stem.find(file.path().stem());
@@ -45,6 +51,7 @@ absl::Status Score(const ScoreArguments& args) {
   }
   std::printf("mean of %d: PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n",
               static_cast<int>(scores.views.size()), scores.psnr, scores.ssim, scores.psnr_affine);
+  if (scores.lpips.has_value()) std::printf("LPIPS %.4f\n", *scores.lpips);
   return WriteJson(args.json, scores.ToJson());
 }
 
@@ -59,6 +66,7 @@ void AddScoreCommand(CLI::App* app, int* exit_status) {
   command->add_option("truth", args->truth, "folder of photos; extensions may differ")
       ->required()
       ->check(CLI::ExistingDirectory);
+  AddLpipsOption(command, &args->lpips);
   AddJsonOption(command, &args->json);
   WhenGiven(command, exit_status, [args] { return Score(*args); });
 }

@@ -16,6 +16,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
+#include "engine/eval/lpips.h"
 #include "engine/io/image_io.h"
 #include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
@@ -87,6 +88,14 @@ absl::Status CompleteMethods(TableArguments* args) {
   return absl::OkStatus();
 }
 
+// Before anything is trained: networks can be loaded.
+absl::Status CheckNetworks(const TableOptions& options) {
+  for (const OnnxEnhancerOptions& enhancer : options.enhancers) {
+    LITAGS_RETURN_IF_ERROR(MakeOnnxEnhancer(enhancer).status());
+  }
+  return options.lpips.empty() ? absl::OkStatus() : Lpips::Load(options.lpips).status();
+}
+
 // Before anything is trained: every scene has photos in every light.
 absl::Status CheckLights(const TableOptions& options) {
   for (const TableScene& scene : options.scenes) {
@@ -123,6 +132,7 @@ absl::Status Complete(TableArguments* args) {
 absl::Status Table(TableArguments* args, int* exit_status) {
   LITAGS_RETURN_IF_ERROR(Complete(args));
   if (!args->cell.empty()) return RunCell(args->options, args->cell);
+  LITAGS_RETURN_IF_ERROR(CheckNetworks(args->options));
   LITAGS_ASSIGN_OR_RETURN(const int failed, RunTable(args->options));
   std::printf("%s/table.md, table.csv, table.json%s\n", args->options.out.c_str(),
               failed > 0 ? absl::StrCat("; ", failed, " rows failed").c_str() : "");
@@ -156,7 +166,7 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
                    "NAME=FILE.onnx[,size=WxH][,multiple=N][,mean=R:G:B][,std=R:G:B]"
                    "[,output=NAME][,white=255]; may be repeated")
       ->allow_extra_args(false);
-  command->add_option("--lpips", options.lpips, "ONNX network of LPIPS, inputs in0 and in1");
+  AddLpipsOption(command, &options.lpips);
   command
       ->add_option("--flicker", options.flicker_frames,
                    "measure flicker on a path of so many frames through the scene's cameras")

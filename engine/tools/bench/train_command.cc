@@ -23,6 +23,7 @@
 #include "engine/tools/evaluation/method_options.h"
 #include "engine/tools/evaluation/process_usage.h"
 #include "engine/tools/evaluation/progress_lines.h"
+#include "engine/tools/inspect/dataset_folder.h"
 #include "proto/arguments/arguments.h"
 
 namespace litags {
@@ -155,8 +156,14 @@ absl::Status Train(TrainArguments args) {
         absl::StrCat(args.scene.dir, " has no folder high of photos to score against; ",
                      "litags-train renders such scenes"));
   }
-  LITAGS_ASSIGN_OR_RETURN(const ReconstructInput input, args.scene.Input(args.out, &args.options));
-  LITAGS_RETURN_IF_ERROR(ListPhotos(input.images_dir, "--light").status());
+  if (!args.scene.HasTestViews()) {
+    return MakeError(absl::StatusCode::kNotFound, "NO_SUCH_SCENE", "scene",
+                     absl::StrCat(args.scene.dir, " has no transforms_test.json, and so no test ",
+                                  "views to score; litags-train trains on such scenes"));
+  }
+  LITAGS_RETURN_IF_ERROR(ListPhotos(args.scene.PhotosDir(), "--light").status());
+  LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, args.scene.Input(args.out, &args.options));
+  UseMasksBeside(input.images_dir, &input.masks_dir);
   args.options.preview_every =
       args.evaluate_every > 0 ? args.evaluate_every : args.options.iterations;
   args.options.checkpoint_every = args.options.iterations;

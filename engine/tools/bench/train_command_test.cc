@@ -20,6 +20,15 @@ TEST(TrainCommand, ASceneWithoutTruthIsRefusedBeforeItIsTrained) {
   EXPECT_THAT(result.tail, testing::HasSubstr("no folder high"));
 }
 
+TEST(TrainCommand, ASceneWithoutTestViewsIsRefusedBeforeItIsTrained) {
+  TempDir dir;
+  for (const char* folder : {"high", "low"}) std::filesystem::create_directory(dir / folder);
+  const SubprocessResult result = RunBench("train", {dir.path(), "-o", dir / "out"});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.tail, testing::HasSubstr("has no transforms_test.json"));
+  EXPECT_FALSE(std::filesystem::exists(dir / "out"));
+}
+
 TEST(TrainCommand, AMistakeLeavesTheSceneOfAnEarlierRun) {
   TempDir dir;
   for (const char* folder : {"high", "low", "out"}) std::filesystem::create_directory(dir / folder);

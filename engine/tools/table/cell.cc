@@ -1,5 +1,6 @@
 #include "engine/tools/table/cell.h"
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
@@ -48,6 +49,12 @@ std::string TableCell::CamerasDir() const {
   return absl::StrCat(options_.out, "/cameras/", scene_.name, "/", photos_light());
 }
 
+std::string TableCell::MasksDir() const {
+  const std::string dir = CamerasDir() + "/masks";
+  std::error_code ignored;
+  return std::filesystem::is_directory(dir, ignored) ? dir : std::string();
+}
+
 TableRow TableCell::EmptyRow() const {
   TableRow row;
   row.scene = scene_.name;
@@ -65,6 +72,10 @@ absl::StatusOr<std::string> TableCell::TrainingKey() const {
   for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
     AddFile(absl::StrCat(CamerasDir(), "/cameras/", name), &f);
   }
+  if (const std::string masks = MasksDir(); !masks.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(masks, "masks"));
+    AddPhotos(masks, names, &f);
+  }
   return absl::StrCat(method_.trained_as, " ", f.Text(), " ", EnhancerKey(method_.before), " ",
                       options_.settings);
 }
@@ -72,10 +83,13 @@ absl::StatusOr<std::string> TableCell::TrainingKey() const {
 absl::StatusOr<std::string> TableCell::RowKey() const {
   LITAGS_ASSIGN_OR_RETURN(const std::string training, TrainingKey());
   LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, scene_.TestViews());
-  std::vector<std::string> names;
-  for (const TestView& view : views) names.push_back(view.view.name);
   Fingerprint f;
-  AddPhotos(scene_.TruthDir(), names, &f);
+  for (const TestView& view : views) {
+    const std::string& name = view.view.name;
+    f.Add(name.data(), name.size());
+    const absl::StatusOr<std::string> truth = FindPhoto(scene_.TruthDir(), name);
+    if (truth.ok()) AddFile(*truth, &f);
+  }
   AddFile(scene_.dir + "/transforms_test.json", &f);
   return absl::StrCat(
       training, " ", f.Text(), " ", EnhancerKey(method_.after), " ",

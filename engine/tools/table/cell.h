@@ -32,6 +32,8 @@ class TableCell {
   std::string TrainingDir() const { return RunDirOf(method_.trained_as); }
   // OUT/cameras/SCENE/LIGHT: shared by all methods that train on this light.
   std::string CamerasDir() const;
+  // Masks of the training photos: CamerasDir()/masks, or empty if there are none.
+  std::string MasksDir() const;
 
   // A row with nothing in it but what it is of, and the program.
   TableRow EmptyRow() const;

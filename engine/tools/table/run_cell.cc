@@ -13,6 +13,7 @@
 #include "engine/core/monotonic_seconds.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/pipeline/photo_screen.h"
 #include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/evaluation/process_usage.h"
 #include "engine/tools/evaluation/progress_lines.h"
@@ -27,21 +28,36 @@ namespace fs = std::filesystem;
 
 constexpr int kErrorGain = 4;  // of error pictures: a difference of a quarter is white
 
-// Enhances the training photos into `out`/NAME.png.
-absl::Status EnhancePhotos(const TableCell& cell, const std::string& out) {
+// Enhances the training photos into `out`/STEM.png. Their masks, those of alpha channels and bars
+// too, go into `out`/masks. Returns the seconds that it took, but for finding these.
+absl::StatusOr<double> EnhancePhotos(const TableCell& cell, const std::string& out) {
   LITAGS_ASSIGN_OR_RETURN(const Enhancer enhancer, cell.MakeEnhancer(cell.method().before));
-  const std::string dir = cell.scene().PhotosDir(cell.photos_light());
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
                           cell.scene().TrainingPhotos(cell.photos_light()));
+  ReconstructInput input;
+  input.images_dir = cell.scene().PhotosDir(cell.photos_light());
+  input.masks_dir = cell.MasksDir();
+  input.work_dir = out;
+  LITAGS_ASSIGN_OR_RETURN(const PhotoScreen screen,
+                          ScreenPhotos(input, cell.method().options.threads, CancelToken()));
+  const double start = MonotonicSeconds();
   std::error_code ignored;  // writing reports what matters
-  fs::create_directories(out, ignored);
-  for (const std::string& photo : photos) {
-    LITAGS_ASSIGN_OR_RETURN(const ImageU8 image, ReadImage(absl::StrCat(dir, "/", photo),
-                                                           absl::StrCat("images[", photo, "]")));
+  fs::create_directories(out + "/masks", ignored);
+  for (const std::string& photo : screen.Names()) {
+    if (!std::binary_search(photos.begin(), photos.end(), photo)) continue;
+    LITAGS_ASSIGN_OR_RETURN(
+        const ImageU8 image,
+        ReadImage(absl::StrCat(input.images_dir, "/", photo), absl::StrCat("images[", photo, "]")));
     LITAGS_ASSIGN_OR_RETURN(const ImageU8 enhanced, enhancer.run(image));
-    LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(out, "/", Stem(photo), ".png"), enhanced));
+    const std::string file = Stem(photo) + ".png";
+    LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(out, "/", file), enhanced));
+    const auto mask = screen.masks.find(photo);
+    if (mask == screen.masks.end()) continue;
+    LITAGS_ASSIGN_OR_RETURN(const std::string png,
+                            ReadFile(mask->second, mask->second, ImageLimits().max_bytes));
+    LITAGS_RETURN_IF_ERROR(WriteFileAtomically(absl::StrCat(out, "/masks/", file), png));
   }
-  return absl::OkStatus();
+  return MonotonicSeconds() - start;
 }
 
 // The cell's scene, trained now or by an earlier run; returns its cost.
@@ -64,12 +80,13 @@ absl::StatusOr<TableRow> Train(const TableCell& cell, Engine* engine) {
   ReconstructInput input;
   input.images_dir = cell.scene().PhotosDir(cell.photos_light());
   input.cameras_path = cell.CamerasDir() + "/cameras";
+  input.masks_dir = cell.MasksDir();
   input.work_dir = dir;
-  const double start = MonotonicSeconds();
   if (!cell.method().before.empty()) {
     input.images_dir = dir + "/enhanced";
-    LITAGS_RETURN_IF_ERROR(EnhancePhotos(cell, input.images_dir));
-    cost.enhance_seconds = MonotonicSeconds() - start;
+    LITAGS_ASSIGN_OR_RETURN(cost.enhance_seconds, EnhancePhotos(cell, input.images_dir));
+    const std::string masks = input.images_dir + "/masks";
+    input.masks_dir = fs::is_empty(masks, ignored) ? "" : masks;
   }
   ReconstructOptions method = cell.method().options;
   method.holdout_every = 0;  // the test views are left out already

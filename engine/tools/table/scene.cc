@@ -13,7 +13,10 @@
 #include "engine/io/sparse_model.h"
 #include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/context.h"
+#include "engine/pipeline/given_cameras.h"
+#include "engine/pipeline/photo_screen.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
+#include "engine/tools/inspect/dataset_folder.h"
 
 namespace litags {
 namespace {
@@ -36,6 +39,18 @@ absl::Status Missing(const std::string& dir, const std::string& what) {
                    absl::StrCat(dir, ": ", what));
 }
 
+// Copies them into `dir`, by their photos' names; without any there is no such folder.
+absl::Status KeepMasks(const MaskPaths& masks, const std::string& dir) {
+  std::error_code ignored;  // writing reports what matters
+  fs::remove_all(dir, ignored);
+  if (!masks.empty()) fs::create_directories(dir, ignored);
+  for (const auto& [photo, path] : masks) {
+    LITAGS_ASSIGN_OR_RETURN(const std::string png, ReadFile(path, path, ImageLimits().max_bytes));
+    LITAGS_RETURN_IF_ERROR(WriteFileAtomically(absl::StrCat(dir, "/", photo, ".png"), png));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<TestView>> TableScene::TestViews() const {
@@ -45,18 +60,30 @@ absl::StatusOr<std::vector<TestView>> TableScene::TestViews() const {
   if (sparse.empty()) return views;
 
   const Camera& first = views[0].view.camera;
-  LITAGS_ASSIGN_OR_RETURN(
-      const SparseModel model,
-      ReadCameras(absl::StrCat(dir, "/", sparse), "--sparse", first.width, first.height));
+  std::set<std::string> unsized;  // views whose size the file does not say
+  const auto size_of = [&](const std::string& name) {
+    unsized.insert(name);
+    return PhotoSize{first.width, first.height};
+  };
+  LITAGS_ASSIGN_OR_RETURN(const SparseModel model,
+                          ReadCameras(absl::StrCat(dir, "/", sparse), "--sparse", size_of));
   const NameIndex index(NamesOf(model.views));
   for (TestView& view : views) {
     const auto same = index.Find(view.view.name);
     if (!same.has_value()) {
       return Missing(dir, absl::StrCat(sparse, " has no camera of test view ", view.view.name));
     }
-    const Camera& size = view.view.camera;
+    ImageInfo size;
+    size.width = view.view.camera.width;
+    size.height = view.view.camera.height;
     view.distortion = model.distortions[*same];
-    view.view.camera = model.views[*same].camera.Scaled(size.width, size.height);
+    view.view.camera = model.views[*same].camera;
+    LITAGS_RETURN_IF_ERROR(
+        FitToPhotoIn(TruthDir(), !unsized.contains(model.views[*same].name), &view));
+    // Those without a truth photo.
+    LITAGS_RETURN_IF_ERROR(
+        FitToPhoto(view.view.name, size, /*has_own_size=*/true, &view.view.camera, &view.distortion)
+            .status());
   }
   return views;
 }
@@ -82,14 +109,23 @@ absl::StatusOr<std::string> TableScene::PrepareCameras(const std::string& light,
   if (!fs::exists(input.cameras_path)) {
     return Missing(input.cameras_path, "no such cameras; name a file or folder with --sparse");
   }
+  UseMasksBeside(input.images_dir, &input.masks_dir);
   std::error_code ignored;  // writing reports what matters
   fs::create_directories(work_dir, ignored);
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos, TrainingPhotos(light));
+  LITAGS_ASSIGN_OR_RETURN(PhotoList list, ListPhotosAndMasks(input));
+  LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> photos, TrainingPhotos(light));
+  std::erase_if(photos, [&](const std::string& photo) {  // masks among them
+    return !std::binary_search(list.names.begin(), list.names.end(), photo);
+  });
+  std::erase_if(list.masks, [&](const auto& mask) {
+    return !std::binary_search(photos.begin(), photos.end(), mask.first);
+  });
+  LITAGS_RETURN_IF_ERROR(KeepMasks(list.masks, work_dir + "/masks"));
   ReconstructReport report;
   const CancelToken never;
   const Context context(
       input, options, never, [](Stage, const std::string&) {}, &report);
-  LITAGS_RETURN_IF_ERROR(ObtainCameras(context, photos, MaskPaths(), colmap).status());
+  LITAGS_RETURN_IF_ERROR(ObtainCameras(context, photos, list.masks, colmap).status());
   return absl::StrCat(work_dir, "/cameras");
 }
 

@@ -27,7 +27,9 @@ struct TableScene {
   absl::StatusOr<std::vector<std::string>> TrainingPhotos(const std::string& light) const;
 
   // A COLMAP model of the training photos: known cameras, points triangulated from the photos of
-  // this light (unless `sparse` has points), kept in `work_dir`. Returns its folder.
+  // this light (unless `sparse` has points), kept in `work_dir`. Returns its folder. The photos'
+  // masks, wherever litags-train would find them, are copied into `work_dir`/masks; without any
+  // there is no such folder.
   absl::StatusOr<std::string> PrepareCameras(const std::string& light,
                                              const ReconstructOptions& options,
                                              const std::string& colmap,

@@ -9,9 +9,11 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/mask.h"
 #include "engine/core/subprocess.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/mask_io.h"
 #include "engine/io/test_util.h"
 #include "engine/onnx/onnx_writer.h"
 #include "engine/tools/table/lom_test_util.h"
@@ -260,6 +262,60 @@ TEST_F(TableTest, AChangedPhotoOfTheSameSizeIsTrainedAnew) {
     EXPECT_EQ(changed.text.find(": kept"), std::string::npos) << name << changed.text;
   }
   EXPECT_NE(Run(arguments, scenes).text.find("room/low/3dgs: kept"), std::string::npos);
+  // A truth whose name has another ending than in transforms_test.json.
+  const std::string truth = scenes + "/room/high/0003.";
+  ASSERT_TRUE(WritePng(truth + "png", ReadImage(truth + "JPG", "truth").value()).ok());
+  std::filesystem::remove(truth + "JPG");
+  ASSERT_EQ(Run(arguments, scenes).text.find(": kept"), std::string::npos);
+  ASSERT_TRUE(WritePng(truth + "png", ImageU8(64, 48)).ok());
+  const Outcome black = Run(arguments, scenes);
+  EXPECT_EQ(black.text.find(": kept"), std::string::npos) << black.text;
+}
+
+// As litags-train does, and photos keep theirs when they are enhanced.
+TEST_F(TableTest, MasksBesideThePhotosAreUsedByEveryMethod) {
+  const std::string room = out_ / "masked/room";
+  WriteLomScene(room);
+  WriteTrainingCameras(room, out_ / "cameras");
+  std::filesystem::create_directory(room + "/low/masks");
+  PlaneU8 mask(64, 48);
+  std::fill_n(mask.data.begin(), mask.data.size() / 2, kCounts);
+  const std::string png = EncodeMask(mask).value();
+  ASSERT_TRUE(WriteFileAtomically(room + "/low/masks/0001.JPG.png", png).ok());
+  ASSERT_TRUE(WriteFileAtomically(room + "/low/0002_mask.png", png).ok());
+  const std::vector<std::string> arguments = {"--light", "low", "--methods",
+                                              "3dgs,light-gain+3dgs"};
+  const Outcome outcome = Run(arguments, out_ / "masked");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+  for (const char* method : {"3dgs", "light-gain+3dgs"}) {
+    const std::string log = out_ / ("out/runs/room/low/" + std::string(method) + "/log.txt");
+    EXPECT_NE(ReadFile(log, log, 1 << 20)->find("2 of 6 photos have a mask"), std::string::npos)
+        << method << outcome.text;
+  }
+  // A mask that changes, or goes, makes another scene.
+  std::filesystem::remove(room + "/low/0002_mask.png");
+  EXPECT_EQ(Run(arguments, out_ / "masked").text.find(": kept"), std::string::npos);
+
+  SubprocessOptions train;
+  train.args = {LITAGS_BENCH, "train",         room, "-o", out_ / "run", "--iterations", "2",
+                "--cameras",  out_ / "cameras"};
+  const auto trained = RunSubprocess(train, CancelToken());
+  ASSERT_TRUE(trained.ok()) << trained.status();
+  EXPECT_EQ(trained->exit_code, 0) << trained->tail;
+  EXPECT_NE(trained->tail.find("masks: those in"), std::string::npos) << trained->tail;
+}
+
+TEST_F(TableTest, ANetworkThatIsNotThereIsRefusedBeforeAnythingIsTrained) {
+  for (const std::vector<std::string>& typo :
+       {std::vector<std::string>{"--lpips", out_ / "typo.onnx"},
+        std::vector<std::string>{"--enhancer", "mine=" + (out_ / "typo.onnx")}}) {
+    std::vector<std::string> arguments = {"--light", "low", "--methods", "3dgs"};
+    arguments.insert(arguments.end(), typo.begin(), typo.end());
+    const Outcome outcome = Run(arguments);
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_NE(outcome.text.find("typo.onnx"), std::string::npos) << outcome.text;
+    EXPECT_FALSE(Exists("runs"));
+  }
 }
 
 TEST_F(TableTest, AMissingLightIsRefusedBeforeAnythingIsTrained) {

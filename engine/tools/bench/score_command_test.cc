@@ -1,0 +1,49 @@
+// Runs `litags-bench score`.
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/test_util.h"
+#include "engine/onnx/onnx_writer.h"
+#include "engine/tools/bench/run_bench_test_util.h"
+#include "gmock/gmock.h"
+#include "gtest/gtest.h"
+
+namespace litags {
+namespace {
+
+// Mean squared difference of its inputs, in place of LPIPS.
+std::string SquaredDifference() {
+  OnnxWriter model;
+  for (const char* name : {"in0", "in1"}) model.AddInput(name, {1, 3, 48, 64});
+  model.AddNode("Sub", {"in0", "in1"}, "d");
+  model.AddNode("Mul", {"d", "d"}, "s");
+  model.AddNode("ReduceMean", {"s"}, "y", {{"axes", {1, 2, 3}}}, {{"keepdims", 1}});
+  model.AddOutput("y", {1, 1, 1, 1});
+  return model.Bytes();
+}
+
+// Half black, half white is code 188: the truth is averaged in linear light, as training shrinks.
+TEST(ScoreCommand, LargerTruthIsAveragedDownAndLpipsIsOfAGivenNetwork) {
+  TempDir dir;
+  ImageU8 checkers(128, 96), gray(64, 48);
+  for (int y = 0; y < 96; ++y) {
+    for (int x = 0; x < 128; ++x) std::fill_n(checkers.pixel(x, y), 3, (x + y) % 2 == 0 ? 0 : 255);
+  }
+  std::fill(gray.data.begin(), gray.data.end(), 188);
+  for (const char* folder : {"truth", "renders"}) std::filesystem::create_directory(dir / folder);
+  ASSERT_TRUE(WritePng(dir / "truth/a.png", checkers).ok());
+  ASSERT_TRUE(WritePng(dir / "renders/a.png", gray).ok());
+  ASSERT_TRUE(WriteFileAtomically(dir / "lpips.onnx", SquaredDifference()).ok());
+  const SubprocessResult result = RunBench("score", {dir / "renders", dir / "truth", "--lpips",
+                                                     dir / "lpips.onnx", "--json", dir / "j"});
+  EXPECT_EQ(result.exit_code, 0) << result.tail;
+  EXPECT_THAT(result.tail, testing::HasSubstr("PSNR inf dB"));
+  const auto json = nlohmann::json::parse(ReadFile(dir / "j", "", 1 << 20).value());
+  EXPECT_EQ(json["lpips"], 0);
+}
+
+}  // namespace
+}  // namespace litags
