@@ -1,10 +1,12 @@
 // Compressed PLY: element chunk holds bounds of 256 Gaussians, element vertex four words of each
 // Gaussian, element sh a byte of each coefficient above degree 0.
 #include <algorithm>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/export/formats.h"
+#include "engine/export/near_order.h"
 #include "engine/export/quantize.h"
 #include "engine/io/byte_reader.h"
 
@@ -90,12 +92,14 @@ std::string Header(const ViewerScene& scene, int coefficients) {
 
 absl::StatusOr<std::string> EncodeCompressedPly(const ViewerScene& scene) {
   const Splats& splats = scene.splats;
-  const auto mean = [&](size_t i, int k) { return splats.at(i, kMean + k); };
+  const std::vector<uint32_t> order = NearOrder(splats);  // small chunks have small steps
+  const auto value = [&](size_t i, int row) { return splats.at(order[i], row); };
+  const auto mean = [&](size_t i, int k) { return value(i, kMean + k); };
   const auto log_scale = [&](size_t i, int k) {
-    return std::clamp(splats.at(i, kLogScale + k), -kLargestLogScale, kLargestLogScale);
+    return std::clamp(value(i, kLogScale + k), -kLargestLogScale, kLargestLogScale);
   };
   const auto color = [&](size_t i, int k) {
-    return static_cast<float>(0.5 + kSh0 * splats.at(i, kShDc + k));
+    return static_cast<float>(0.5 + kSh0 * value(i, kShDc + k));
   };
   std::string chunks, words, rest;
   for (size_t begin = 0; begin < splats.size(); begin += kChunk) {
@@ -104,18 +108,18 @@ absl::StatusOr<std::string> EncodeCompressedPly(const ViewerScene& scene) {
     for (const Bounds* bounds : {&means, &scales, &colors}) bounds->Append(&chunks);
     for (size_t i = begin; i < end; ++i) {
       AppendNumber(&words, means.Pack(i, mean));
-      AppendNumber(&words, PackQuat(UnitQuat(splats, i)));
+      AppendNumber(&words, PackQuat(UnitQuat(splats, order[i])));
       AppendNumber(&words, scales.Pack(i, log_scale));
       uint32_t rgba = 0;
       for (int k = 0; k < 3; ++k) rgba = rgba << 8 | PackUnit(colors.Inside(color(i, k), k), 8);
-      AppendNumber(&words, rgba << 8 | PackUnit(Opacity(splats, i), 8));
+      AppendNumber(&words, rgba << 8 | PackUnit(Opacity(splats, order[i]), 8));
     }
   }
   const int coefficients = ShCount(scene.sh_degree) - 1;
   for (size_t i = 0; i < splats.size(); ++i) {
     for (int c = 0; c < 3; ++c) {
       for (int k = 1; k <= coefficients; ++k) {
-        const double unit = splats.at(i, ShRow(k, c)) / 8.0 + 0.5;
+        const double unit = value(i, ShRow(k, c)) / 8.0 + 0.5;
         rest += static_cast<char>(static_cast<uint8_t>(std::clamp(256 * unit, 0.0, 255.0)));
       }
     }

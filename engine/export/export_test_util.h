@@ -10,17 +10,23 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "engine/eval/metrics.h"
+#include "engine/export/near_order.h"
 #include "engine/export/viewer_scene.h"
 #include "engine/render/renderer.h"
 #include "engine/train/train_test_util.h"
 
 namespace litags {
 
+// In NearOrder, so that the order of files is the same.
 inline ViewerScene SmallScene(size_t count, int sh_degree = kMaxShDegree) {
   ViewerScene scene;
-  scene.splats = ColoredCloud(count, 7);
+  const Splats cloud = ColoredCloud(count, 7);
+  const std::vector<uint32_t> order = NearOrder(cloud);
+  scene.splats.Resize(count);
+  for (size_t i = 0; i < count; ++i) scene.splats.Copy(cloud, order[i], i);
   scene.sh_degree = sh_degree;
   const CounterRng rng(11, 2);
   for (size_t i = 0; i < count; ++i) {

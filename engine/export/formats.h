@@ -33,8 +33,9 @@ const FormatInfo& InfoOf(SceneFormat format);
 
 absl::StatusOr<std::string> EncodeStandardPly(const ViewerScene& scene);
 
-// PlayCanvas: chunks of 256 Gaussians, 16 bytes each and a byte for each coefficient of colour. The
-// origin and the antialiased tag are comments of the header, "origin X Y Z" and "antialiased".
+// PlayCanvas: chunks of 256 neighbours (NearOrder), 16 bytes each and a byte for each coefficient
+// of colour. The origin and the antialiased tag are comments of the header, "origin X Y Z" and
+// "antialiased".
 absl::StatusOr<std::string> EncodeCompressedPly(const ViewerScene& scene);
 
 // antimatter15/splat: 32 bytes each, the most visible first; one colour from all sides.
