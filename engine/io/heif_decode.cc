@@ -12,6 +12,7 @@
 #include "engine/io/byte_reader.h"
 #include "engine/io/color_space.h"
 #include "engine/io/heif_codecs.h"
+#include "engine/io/heif_references.h"
 #include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
 #include "engine/io/photo_format.h"
@@ -92,6 +93,10 @@ struct HeifFile {
   Handle handle;
 
   absl::Status Open(std::string_view bytes, std::string_view field) {
+    if (!HeifReferencesEnd(bytes)) {
+      return InvalidField("IMAGE_CORRUPT", field,
+                          "the HEIC or AVIF file's picture is made of itself; send it again");
+    }
     UseHeifCodecs();
     without_alpha = WithoutAlpha(bytes);
     if (!without_alpha.empty()) bytes = without_alpha;

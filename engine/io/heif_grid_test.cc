@@ -122,6 +122,16 @@ TEST_F(HeifGrid, IsNoLargerThanItStates) {
   }
 }
 
+// libheif would follow that until the stack is full.
+TEST_F(HeifGrid, WhoseTileIsItselfIsRefused) {
+  std::string file = Grid(tile_, 120, 60, {120, 60});
+  const size_t first_tile = file.find("dimg") + 9;  // after the type, the grid, and how many
+  ASSERT_EQ(file[first_tile], 2);
+  file[first_tile] = 1;
+  EXPECT_EQ(Reason(ReadImageInfo(file, "f").status()), "IMAGE_CORRUPT");
+  EXPECT_EQ(Reason(DecodePhoto(file, "f").status()), "IMAGE_CORRUPT");
+}
+
 // libheif would lay codes of YCbCr over a colour of RGB.
 TEST_F(HeifGrid, OfPicturesLaidOverEachOtherIsRefused) {
   const std::string black = Big32(0) + Big32(0), offsets = Big32(0) + Big16(20) + Big16(0);
