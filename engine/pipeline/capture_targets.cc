@@ -46,15 +46,15 @@ std::function<void(const std::string&)> Reporter(const Context& context) {
   return [&context](const std::string& line) { context.progress(Stage::kPreparing, line); };
 }
 
-absl::Status AddTargets(const Context& context, const PosedPhotos& posed,
-                        absl::Span<const Brightening> brightened, CaptureTargets* out) {
+absl::Status AddTargets(const Context& context, const PosedPhotos& posed, const CaptureFacts& facts,
+                        CaptureTargets* out) {
   const ToneOptions& tone = context.recipe.tone;
   const int threads = context.options.threads;
   PhotoProgress made(Reporter(context), "targets", posed.size());
   const auto done = [&](int thread) { made.Done(thread); };
-  LITAGS_ASSIGN_OR_RETURN(std::vector<ToneTarget> targets,
-                          MakeTargets(out->photos, out->exposures, tone, threads, posed.masks, done,
-                                      context.cancel, brightened));
+  LITAGS_ASSIGN_OR_RETURN(
+      std::vector<ToneTarget> targets,
+      MakeTargets(out->photos, out->exposures, tone, threads, facts, done, context.cancel));
   std::vector<double> gains;
   for (size_t i = 0; i < targets.size(); ++i) {
     out->targets.push_back(std::move(targets[i].image));
@@ -63,18 +63,19 @@ absl::Status AddTargets(const Context& context, const PosedPhotos& posed,
     context.Note(absl::StrCat(posed.views[i].name, " stays darker than wanted: no gain brings ",
                               "it there; leave it out, or mask what no light fell on"));
   }
-  out->noise_at_black = NoiseAtBlack(out->photos, gains, threads, posed.masks);
+  out->noise_at_black = NoiseAtBlack(out->photos, gains, threads, posed.masks, posed.noise_kept);
   out->rounding = RoundingNoise(tone, MedianInPlace(gains), posed.code_step);
   return absl::OkStatus();
 }
 
 std::vector<PlaneU8> Information(const Context& context, const CaptureTargets& made,
-                                 const PosedPhotos& posed) {
+                                 const PosedPhotos& posed,
+                                 absl::Span<const Brightening> brightened) {
   std::vector<const Photo*> photos, targets;
   for (const Photo& photo : made.photos) photos.push_back(&photo);
   for (const Photo& target : made.targets) targets.push_back(&target);
-  return InformationWeights(photos, targets, made.exposures, posed.masks, posed.code_step,
-                            context.options.threads, context.cancel);
+  return InformationWeights(photos, targets, made.exposures, posed.masks, brightened,
+                            posed.code_step, context.options.threads, context.cancel);
 }
 
 // Photos of a rig were exposed at once: each gets the mean of theirs (in the log domain) by how
@@ -122,12 +123,13 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
                    sightings);
   ShareExposures(posed.rig_views, posed.views, sightings, &made.exposures);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
-  LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, brightened, &made));
-  made.lamp =
-      LampOfTargets(context, lamp, sightings, made.photos, made.exposures, posed.masks, brightened);
+  const CaptureFacts facts = {
+      .masks = posed.masks, .brightened = brightened, .noise_floor = posed.noise_floor};
+  LITAGS_RETURN_IF_ERROR(AddTargets(context, posed, facts, &made));
+  made.lamp = LampOfTargets(context, lamp, sightings, made.photos, made.exposures, facts);
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   if (recipe.lita && recipe.information_weights) {
-    made.information = Information(context, made, posed);
+    made.information = Information(context, made, posed, brightened);
     LITAGS_RETURN_IF_ERROR(context.cancel.Check());
   }
   if (recipe.lita && recipe.use_prior) {

@@ -49,7 +49,7 @@ Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
   const std::vector<PointSample> samples =
       SamplePoints(*photos, *sightings, frames, masks, code_step);
   const CaptureResponse response =
-      WithoutColorDrift(EstimateResponse(photos->size(), samples), samples);
+      WithoutColorDrift(EstimateResponse(photos->size(), samples, context.cancel), samples);
   for (std::string& note : DescribeResponse(response)) context.Note(std::move(note));
   std::array<double, 3> cast = {1, 1, 1};
   if (options.white_balance == WhiteBalance::kScene) {
@@ -70,8 +70,7 @@ Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
 
 Lamp LampOfTargets(const Context& context, const Lamp& lamp,
                    absl::Span<const PointSighting> sightings, absl::Span<const Photo> photos,
-                   absl::Span<const double> exposures, absl::Span<const PlaneU8> masks,
-                   absl::Span<const Brightening> brightened) {
+                   absl::Span<const double> exposures, CaptureFacts facts) {
   if (lamp.power == 0) return {};
   std::vector<std::vector<PointSighting>> seen(photos.size());
   for (const PointSighting& s : sightings) seen[s.photo].push_back(s);
@@ -80,8 +79,9 @@ Lamp LampOfTargets(const Context& context, const Lamp& lamp,
     light.emplace_back(seen[i], photos[i].width, photos[i].height);
   }
   const int threads = context.options.threads;
-  const double brighter = CaptureGain(photos, exposures, threads, masks, light, brightened) /
-                          CaptureGain(photos, exposures, threads, masks, {}, brightened);
+  const double lit = CaptureGain(photos, exposures, threads, facts);
+  facts.lamps = light;
+  const double brighter = CaptureGain(photos, exposures, threads, facts) / lit;
   return {static_cast<float>(kCodePower * lamp.power),
           static_cast<float>(lamp.distance * std::pow(brighter, -1 / lamp.power))};
 }

@@ -9,6 +9,7 @@
 #include "engine/core/photo.h"
 #include "engine/pipeline/context.h"
 #include "engine/render/renderer.h"
+#include "engine/target/capture_light.h"
 #include "engine/target/photometric.h"
 #include "engine/target/response.h"
 
@@ -29,11 +30,10 @@ Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
 
 // The lamp that EvenOutResponse found as the renderer takes it: what it does to codes of targets,
 // and from the distance at which pictures without it are as bright as well exposed photos.
-// Arguments as above, `photos` and `brightened` as they were left there.
+// `photos` and what is known of them (facts) as they were left there; without lamps.
 Lamp LampOfTargets(const Context& context, const Lamp& lamp,
                    absl::Span<const PointSighting> sightings, absl::Span<const Photo> photos,
-                   absl::Span<const double> exposures, absl::Span<const PlaneU8> masks,
-                   absl::Span<const Brightening> brightened);
+                   absl::Span<const double> exposures, CaptureFacts facts);
 
 }  // namespace litags
 

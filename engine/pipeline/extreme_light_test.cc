@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/color.h"
 #include "engine/core/rng.h"
 #include "engine/io/file_util.h"
 #include "engine/io/testing_formats.h"
@@ -170,6 +171,27 @@ TEST(ExtremeLight, OneColourIsRefusedByName) {
   EXPECT_EQ(Reason(status), "TOO_FEW_PHOTOS");
 }
 
+// A hundredth of a code, with a band of a fifth: neither flat nor bright enough for a target.
+TEST(ExtremeLight, AFaintPhotoIsLeftOutByName) {
+  RoomCapture capture(kViews);
+  DeepImage deep = Deepen(capture.Photo(3, Light::kNormal));
+  const size_t band = deep.codes.size() / 2;
+  for (size_t i = 0; i < deep.codes.size(); ++i) {
+    deep.codes[i] = i >= band && i < band + deep.codes.size() / 20 ? 50 : 4;
+  }
+  ASSERT_TRUE(WriteFileAtomically(capture.Path("images/" + RoomCapture::Name(3)),
+                                  EncodeTestTiff(deep, {.bits = 16}))
+                  .ok());
+  for (const Tone rule : {Tone::kCapture, Tone::kPaper}) {
+    ReconstructOptions options = capture.Options(10);
+    options.recipe->tone.rule = rule;
+    const auto report = Train(capture.Input(rule == Tone::kPaper ? "paper" : "work"), options);
+    ASSERT_TRUE(report.ok()) << report.status();
+    EXPECT_THAT(report->dropped, testing::ElementsAre("v003.png"));
+    EXPECT_THAT(report->notes, Contains("v003.png is left out: all its pixels are (0, 0, 0)"));
+  }
+}
+
 // 8-bit codes in files of 16 bits.
 TEST(ExtremeLight, NumbersOfEightBitsInFilesOfSixteenAreSaid) {
   RoomCapture capture(kViews);
@@ -184,6 +206,43 @@ TEST(ExtremeLight, NumbersOfEightBitsInFilesOfSixteenAreSaid) {
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_THAT(report->notes, Contains(HasSubstr(kNarrow)));
   EXPECT_GT(LookOf(*report).mean, 0.2);
+}
+
+// The light of the first target where a torch shines, on a tenth of each photo, five stops too
+// little; the rest is black. With noise of `sigma` codes.
+double LightOfTorch(double sigma, int max_image_side) {
+  RoomCapture capture(kViews);
+  const auto lit = [](int x, int y) {
+    return std::abs(x - RoomCapture::kWidth / 2) < 10 && std::abs(y - RoomCapture::kHeight / 2) < 8;
+  };
+  for (int i = 0; i < kViews; ++i) {
+    ImageU8 photo = capture.Photo(i, Light::kNormal);
+    const CounterRng rng(i, 3);
+    for (size_t k = 0; k < photo.data.size(); ++k) {
+      const auto x = static_cast<int>(k / 3 % photo.width),
+                 y = static_cast<int>(k / 3 / photo.width);
+      const double code = (lit(x, y) ? Darkened(photo.data[k], 5) : 0) + sigma * rng.Normal(k);
+      photo.data[k] = static_cast<uint8_t>(std::max(0.0, std::round(code)));
+    }
+    capture.SetPhoto(i, photo);
+  }
+  ReconstructOptions options = capture.Options(10);
+  options.max_image_side = max_image_side;
+  const Photo target = capture.Load(options).train[0].target;
+  double sum = 0;
+  for (int y = target.height / 2 - 3; y < target.height / 2 + 3; ++y) {
+    for (int x = target.width / 2 - 4; x < target.width / 2 + 4; ++x) {
+      for (int c = 0; c < 3; ++c) sum += LinearTable::Get()(target.pixel(x, y)[c]);
+    }
+  }
+  return sum / (6 * 8 * 3);
+}
+
+// By what photos are before their shadows' colours are inferred, and before they are shrunk.
+TEST(ExtremeLight, NoiseAroundATorchIsNotWhatItIsExposedFor) {
+  const double without = LightOfTorch(0, 0);
+  EXPECT_NEAR(std::log2(LightOfTorch(1, 0) / without), 0, 1);
+  EXPECT_NEAR(std::log2(LightOfTorch(1, RoomCapture::kWidth / 2) / without), 0, 1);
 }
 
 }  // namespace

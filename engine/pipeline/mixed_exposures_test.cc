@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <numeric>
 #include <string>
+#include <vector>
 
 #include "absl/strings/str_join.h"
 #include "engine/core/color.h"
@@ -102,6 +104,31 @@ TEST(MixedExposures, AViewHasTheExposureThatItsPhotoStates) {
   const auto posed = LoadPosedPhotos(context, kNoColmap);
   ASSERT_TRUE(posed.ok()) << posed.status();
   EXPECT_THAT(posed->stated_exposures, testing::ElementsAre(0, 0, 25, 0));
+}
+
+// Black photos are left out, and have no say in the colours of the others' shadows.
+TEST(MixedExposures, BlackPhotosDoNotChangeTheOthersShadows) {
+  const auto shadows = [](bool all) {
+    RoomCapture room(8);
+    for (int i = 3; i < 8; ++i) {
+      room.SetPhoto(i, ImageU8(RoomCapture::kWidth, RoomCapture::kHeight));
+      if (!all) std::filesystem::remove(room.Path("images/" + room.Name(i)));
+    }
+    const ReconstructInput input = room.Input("work");
+    const ReconstructOptions options = Options(room);
+    const CancelToken never;
+    ReconstructReport report;
+    const Context context(
+        input, options, never, [](Stage, const std::string&) {}, &report);
+    auto posed = LoadPosedPhotos(context, kNoColmap);
+    EXPECT_TRUE(posed.ok()) << posed.status();
+    std::vector<std::vector<int16_t>> samples;
+    for (const Photo& photo : posed->photos) samples.push_back(photo.data);
+    return samples;
+  };
+  const auto with = shadows(true);
+  EXPECT_EQ(with.size(), 3u);
+  EXPECT_EQ(with, shadows(false));
 }
 
 TEST(MixedExposures, PixelsCountByHowWellTheirPhotoKnowsThem) {

@@ -37,7 +37,7 @@ struct Decoded {
   bool blocks = false, no_end_mark = false;  // blocks: the format may compress in them
 };
 
-// `mask`, the path of the photo's, is only checked; empty: it has none.
+// `mask`: the path of the photo's; empty: it has none. What a photo shows is told by what counts.
 Decoded Decode(const std::string& dir, const std::string& name, const std::string& mask) {
   Decoded d;
   d.photo.name = name;
@@ -47,12 +47,16 @@ Decoded Decode(const std::string& dir, const std::string& name, const std::strin
   const auto bytes = ReadFile(dir + "/" + name, PhotoField(name), ImageLimits().max_bytes);
   d.status = bytes.status();
   if (!bytes.ok()) return d;
-  const absl::StatusOr<Photo> photo = DecodePhoto(*bytes, PhotoField(name));
+  absl::StatusOr<Photo> photo = DecodePhoto(*bytes, PhotoField(name));
   d.status = photo.status();
   if (!photo.ok()) return d;
-  d.photo = LookAt(name, *photo);
-  if (!mask.empty()) d.mask_status = ReadMask(mask, photo->width, photo->height).status();
   d.lines = KindsOfLines(*photo);
+  if (!mask.empty()) {
+    const absl::StatusOr<PlaneU8> counts = ReadMask(mask, photo->width, photo->height);
+    d.mask_status = counts.status();
+    if (counts.ok()) FillMasked(*counts, &*photo);
+  }
+  d.photo = LookAt(name, *photo);
   d.blocks = !IsPng(*bytes);
   d.no_end_mark = IsJpeg(*bytes) && LacksJpegEnd(*bytes);
   const auto info = ReadImageInfo(*bytes, PhotoField(name));

@@ -12,9 +12,11 @@
 #include <thread>
 #include <vector>
 
+#include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/core/rng.h"
 #include "engine/io/file_util.h"
+#include "engine/io/mask_io.h"
 #include "engine/io/png_codes.h"
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/capture_test_util.h"
@@ -64,6 +66,27 @@ TEST(PhotoScreen, LeavesAGoodCaptureAlone) {
     EXPECT_THAT(screen->masks, IsEmpty());
     for (const ScreenedPhoto& photo : screen->photos) EXPECT_GT(photo.structure, 2 * kNoStructure);
   }
+}
+
+// A time that the camera writes into every photo, or an arm of the robot.
+TEST(PhotoScreen, WhatIsMaskedDoesNotMakeAPhotoOfALensCap) {
+  const RoomCapture capture(8);
+  ImageU8 stamped = CapOn(1);
+  PlaneU8 mask(kW, kH);
+  std::fill(mask.data.begin(), mask.data.end(), kCounts);
+  for (int y = kH - 12; y < kH; ++y) {
+    for (int x = 0; x < kW; ++x) {
+      std::fill_n(stamped.pixel(x, y), 3, x / 4 % 2 == 0 ? 250 : 10);
+      mask.data[size_t(y) * kW + x] = 0;
+    }
+  }
+  capture.SetPhoto(2, stamped);
+  ReconstructInput input = capture.Input("work");
+  ASSERT_EQ(Screen(input)->photos.size(), 8u) << "the stamp is structure";
+  input.masks_dir = capture.Path("masks");
+  fs::create_directory(input.masks_dir);
+  ASSERT_TRUE(WriteFileAtomically(input.masks_dir + "/v002.png", EncodeMask(mask).value()).ok());
+  EXPECT_THAT(LeftOut(*Screen(input)), ElementsAre("v002.png"));
 }
 
 TEST(PhotoScreen, ALensCapIsLeftOutByName) {
@@ -138,6 +161,17 @@ TEST(PhotoScreen, BarsOfAllPhotosAreMasked) {
       ReadMaskedPhoto(capture.Path("images/v002.png"), "v002.png", screen->masks.at("v002.png"));
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(std::count(read->mask.data.begin(), read->mask.data.end(), 255), (kH - 14) * kW);
+
+  // Of a video, which compresses in blocks.
+  for (int i = 0; i < 5; ++i) {
+    const std::string path = capture.Path(absl::StrCat("images/v00", i, ".png"));
+    const std::string frame = EncodePng16(ReadPhoto(path, "photo").value(), 8).value();
+    ASSERT_TRUE(WriteFileAtomically(path, frame).ok());
+  }
+  const auto of_video = Screen(capture.Input("work"));
+  ASSERT_TRUE(of_video.ok()) << of_video.status();
+  EXPECT_THAT(of_video->notes, ElementsAre(HasSubstr("rows 0 to 7 and 40 to 47 are black")));
+  for (int i = 0; i < 5; ++i) capture.SetPhoto(i, with_bars(i, 7));
 
   // One photo without them, and they are none.
   capture.SetPhoto(3, capture.Photo(3, Light::kLow));

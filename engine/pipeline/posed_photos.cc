@@ -15,6 +15,7 @@
 #include "engine/core/limits.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
+#include "engine/core/spread_indices.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
@@ -28,6 +29,7 @@
 #include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/wide_photos.h"
 #include "engine/pipeline/wide_views.h"
+#include "engine/target/noise_floor.h"
 #include "engine/target/shadow_color.h"
 
 namespace litags {
@@ -54,24 +56,29 @@ absl::StatusOr<MaskedPhoto> ReadInputPhoto(const ReconstructInput& input, const 
   return read;
 }
 
-// Of photos spread evenly over the capture, as the camera wrote them.
+// Of photos spread over the capture, as the camera wrote them.
 absl::StatusOr<ColorPrior> MeasureColors(const ReconstructInput& input, const SparseModel& model,
                                          const MaskPaths& masks, int threads,
                                          const CancelToken& cancel) {
-  const size_t all = model.views.size(), n = std::min<size_t>(all, kPhotosOfColors);
-  std::vector<ColorPrior> priors(n);
-  std::vector<absl::Status> status(n);
-  ParallelFor(threads, n, [&](size_t i, int) {
+  const std::vector<size_t> views = SpreadIndices(model.views.size(), kPhotosOfColors);
+  std::vector<std::optional<ColorPrior>> of_views(views.size());
+  std::vector<absl::Status> status(views.size());
+  ParallelFor(threads, views.size(), [&](size_t i, int) {
     status[i] = [&]() -> absl::Status {
       LITAGS_RETURN_IF_ERROR(cancel.Check());
       LITAGS_ASSIGN_OR_RETURN(const MaskedPhoto read,
-                              ReadInputPhoto(input, model.views[i * all / n].name, masks));
+                              ReadInputPhoto(input, model.views[views[i]].name, masks));
+      if (FlatColor(read.photo, read.mask).has_value()) return absl::OkStatus();  // left out
       const FileSteps steps = {CodeStep(read.info), static_cast<double>(read.info.chroma_step)};
-      priors[i] = MeasureColorPrior(read.photo, steps, read.mask);
+      of_views[i] = MeasureColorPrior(read.photo, steps, read.mask);
       return absl::OkStatus();
     }();
   });
   for (const absl::Status& s : status) LITAGS_RETURN_IF_ERROR(s);
+  std::vector<ColorPrior> priors;
+  for (const auto& prior : of_views) {
+    if (prior.has_value()) priors.push_back(*prior);
+  }
   return MedianPrior(priors);
 }
 
@@ -82,6 +89,7 @@ struct OnePhoto {
   PlaneU8 mask;
   std::string source;                          // as PosedPhotos has it
   PhotoDarkness darkness;                      // as the camera wrote it
+  NoiseLevels written, undistorted;            // as the camera wrote it; at the size of training
   double stated_exposure = 0;                  // as StatedExposure has it
   double code_step = 1;                        // as CodeStep has it
   bool rim_masked = false;                     // the pinhole picture shows more than the photo
@@ -128,6 +136,7 @@ absl::Status LoadPhoto(const ReconstructInput& input, const MaskPaths& masks,
   v->photo = std::move(read.photo);
   v->mask = std::move(read.mask);
   v->darkness = MeasureDarkness(v->photo, v->mask, read.info);
+  v->written = NoiseLevels(v->photo, v->mask);
   const Camera& camera = v->view.camera;
   if (v->photo.width != camera.width || v->photo.height != camera.height) {
     return InvalidInput(
@@ -203,7 +212,13 @@ absl::StatusOr<std::vector<OnePhoto>> LoadPhotos(const Context& context, const M
       v.flat = FlatColor(v.photo, v.mask);
       if (v.flat.has_value()) return absl::OkStatus();
       const double shrunk = Shrink(options.max_image_side, &v);
-      if (shadows.has_value()) v.photo = shadows->Infer(v.photo, v.mask, shrunk);
+      v.undistorted = NoiseLevels(v.photo, v.mask);
+      bool black = IsBlack(v.photo, v.mask, context.recipe.tone.rule);
+      if (shadows.has_value()) {
+        v.photo = shadows->Infer(v.photo, v.mask, shrunk);
+        black = black || IsBlack(v.photo, v.mask, context.recipe.tone.rule);
+      }
+      if (black) v.flat = {0, 0, 0};
       return CheckMask(v, mask_path);
     }();
     loaded.Done(thread);
@@ -217,6 +232,7 @@ void TakePhotos(const Context& context, std::vector<OnePhoto> photos, PosedPhoto
   const SparseModel& model = posed->model;
   int shrunk = 0, rims = 0;
   std::vector<PhotoDarkness> darkness;
+  NoiseLevels written, undistorted;
   for (size_t i = 0; i < photos.size(); ++i) {
     if (photos[i].flat.has_value()) {
       const auto& [r, g, b] = *photos[i].flat;
@@ -235,8 +251,14 @@ void TakePhotos(const Context& context, std::vector<OnePhoto> photos, PosedPhoto
     posed->masks.push_back(std::move(photos[i].mask));
     posed->sources.push_back(std::move(photos[i].source));
     darkness.push_back(photos[i].darkness);
+    written.Add(photos[i].written);
+    undistorted.Add(photos[i].undistorted);
     posed->stated_exposures.push_back(photos[i].stated_exposure);
     posed->code_step = std::max(posed->code_step, photos[i].code_step);
+  }
+  posed->noise_floor = written.Floor();
+  if (undistorted.Variance() > 0) {
+    posed->noise_kept = std::min(1.0, std::sqrt(undistorted.Variance() / written.Variance()));
   }
   if (!darkness.empty()) NoteDarkness(posed->views, darkness, &context.report->notes);
   if (rims > 0) {

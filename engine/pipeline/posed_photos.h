@@ -31,8 +31,10 @@ struct PosedPhotos {
   std::vector<std::string> sources;     // fingerprints of the files and masks that they are made of
   // Exposure time times ISO by the f-number squared, as EXIF says; 0: it does not say all three.
   std::vector<double> stated_exposures;
-  double code_step = 0;               // the coarsest of the photos' (CodeStep, image_io.h)
-  SparseModel model;                  // all cameras and points; tracks name its views
+  double code_step = 0;    // the coarsest of the photos' (CodeStep, image_io.h)
+  double noise_floor = 0;  // of the photos as their cameras wrote them (NoiseLevels::Floor)
+  double noise_kept = 1;   // see NoiseAtBlack: what undistorting and shrinking left of the noise
+  SparseModel model;       // all cameras and points; tracks name its views
   std::vector<int> model_view;        // index into the model's views, per photo
   RigViews rig_views;                 // photos among them that were taken from one place at once
   std::array<double, 3> origin = {};  // of all this, in the coordinates that the cameras came in

@@ -55,7 +55,8 @@ NoiseCurve NoiseOfPictures(const NoiseCurve& rounding, double white) {
   return noise;
 }
 
-// How pictures would be had black not cut off one half of the photos' noise.
+// How pictures would be had black not cut off one half of the photos' noise. `white`: their white
+// noise before they were shrunk, codes of 255.
 std::optional<CodeCurve> CurveOfPictures(const ToneOptions& tone, double noise_at_black,
                                          double white) {
   // Noise is least in the dark, and the targets' curve has a slope of about 1 where most codes are.
@@ -93,7 +94,7 @@ void AddPoints(const std::vector<SparsePoint>& points, Fingerprint* f) {
 
 // Of the code that makes targets, information weights and structure maps of photos: where it
 // changes so that a checkpoint must not go on with what it makes now, this is raised.
-constexpr int kTargetsVersion = 1;
+constexpr int kTargetsVersion = 2;
 
 // What depth can be computed from. Not the targets: their last bits differ from one processor to
 // another, and a job may be resumed on another one; what they are made from does not.
@@ -257,7 +258,8 @@ absl::StatusOr<TrainSet> MakeTrainSet(const Context& context, const std::string&
   for (const size_t i : split.holdout) set.holdout.push_back(view_of(i));
   set.target_noise = MeasureNoise(set.train, options.threads);
   set.noise = NoiseOfPictures(targets.rounding, set.target_noise.white);
-  set.curve = CurveOfPictures(recipe.tone, targets.noise_at_black, set.target_noise.white);
+  set.curve = CurveOfPictures(recipe.tone, targets.noise_at_black,
+                              set.target_noise.white / posed.noise_kept);
   set.fingerprint = MakeFingerprint(context, inputs, set.train);
   return set;
 }

@@ -91,8 +91,8 @@ Level Darkest(const Levels& levels) {
 }  // namespace
 
 double NoiseAtBlack(absl::Span<const Photo> photos, absl::Span<const double> gains, int threads,
-                    absl::Span<const PlaneU8> masks) {
-  LITAGS_CHECK(photos.size() == gains.size());
+                    absl::Span<const PlaneU8> masks, double noise_kept) {
+  LITAGS_CHECK(photos.size() == gains.size() && noise_kept > 0);
   std::vector<Levels> of_photos(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
     of_photos[i] = LevelsOf(photos[i], gains[i], MaskOf(masks, i));
@@ -104,7 +104,7 @@ double NoiseAtBlack(absl::Span<const Photo> photos, absl::Span<const double> gai
   const Level darkest = Darkest(levels);
   if (darkest.light <= 0) return 0;  // nothing, or black without noise
   const double mean = darkest.light / darkest.samples;
-  const double deviation = kHidden * std::sqrt(darkest.squares / darkest.samples);
+  const double deviation = kHidden / noise_kept * std::sqrt(darkest.squares / darkest.samples);
   const auto deviation_of = [mean](double noise) {
     return noise * LiftedDeviation(TrueMean(mean / noise));
   };

@@ -18,9 +18,11 @@ namespace litags {
 // the photos' gains (ToneTarget::gain), 1: white. Told from the darkest 2 % of the samples, by how
 // bright they are, and how they differ from their neighbours: never more than makes darkness so
 // bright, nor much more than the differences show. Fine texture counts as noise.
-// `masks`: see MaskOf. Deterministic for any `threads` (<= 0: all cores).
+// `masks`: see MaskOf. `noise_kept`, (0, 1]: the share of the noise's deviation that is left in the
+// photos: shrinking them averages noise, and not how bright it is. Deterministic for any `threads`
+// (<= 0: all cores).
 double NoiseAtBlack(absl::Span<const Photo> photos, absl::Span<const double> gains, int threads,
-                    absl::Span<const PlaneU8> masks = {});
+                    absl::Span<const PlaneU8> masks = {}, double noise_kept = 1);
 
 // The light >= 0 that such noise made `light` of: the inverse of g.
 double WithoutLift(double light, double noise);

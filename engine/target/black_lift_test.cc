@@ -61,6 +61,33 @@ TEST(BlackLift, NoiseIsToldFromTheDarkestPlaces) {
   EXPECT_EQ(NoiseAtBlack({}, {}, 1), 0);
 }
 
+// The mean of four pixels is as bright as they are, and has half of their noise.
+Photo Halved(const Photo& photo) {
+  Photo half(photo.width / 2, photo.height / 2);
+  const LinearTable& linear = LinearTable::Get();
+  for (int y = 0; y < half.height; ++y) {
+    for (int x = 0; x < half.width; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        float sum = 0;
+        for (int k = 0; k < 4; ++k) sum += linear(photo.pixel(2 * x + k % 2, 2 * y + k / 2)[c]);
+        half.pixel(x, y)[c] = SampleTable::Get()(sum / 4);
+      }
+    }
+  }
+  return half;
+}
+
+TEST(BlackLift, ShrunkPhotosAreLiftedAsMuch) {
+  const std::vector<double> gains(3, 16.0);
+  const std::vector<Photo> photos = Photos(kNoise, FromBlack);
+  std::vector<Photo> halves;
+  for (const Photo& photo : photos) halves.push_back(Halved(Halved(photo)));
+  const double have = NoiseAtBlack(halves, gains, 1, {}, /*noise_kept=*/0.25);
+  EXPECT_GT(have, 0.55 * 16 * kNoise);
+  EXPECT_LT(have, 1.05 * 16 * kNoise);
+  EXPECT_LT(NoiseAtBlack(halves, gains, 1), 0.5 * 16 * kNoise) << "as if they had not been shrunk";
+}
+
 TEST(BlackLift, WithoutNoiseDarkScenesStayAsTheyAre) {
   const std::vector<double> gains(3, 16.0);
   const double have = NoiseAtBlack(Photos(0, [](double x) { return 0.002 + 0.02 * x; }), gains, 1);

@@ -24,32 +24,29 @@ struct PhotoLight {
   double black = 0;
 };
 
-// As the camera stored it, with an exposure that makes up for that: its own white clipped.
-void AddSquare(const LightSquare& square, double exposure, double weight,
-               const Brightening& brightened, LightHistogram* to) {
-  const std::array<float, 3> grew = brightened.At(square.x + kSquare / 2, square.y + kSquare / 2);
-  std::array<double, 3> stored;
-  for (int c = 0; c < 3; ++c) stored[c] = square.mean[c] / grew[c];
-  const double before = LightOfPixel(stored[0], stored[1], stored[2]),
-               after = LightOfPixel(square.mean[0], square.mean[1], square.mean[2]);
-  const double less = before > 0 ? before / after : 1;
-  to->AddPixel(stored[0], stored[1], stored[2], exposure * less, weight);
-}
-
+// Adds a square as the camera stored it, with an exposure that makes up for that: its own white
+// clipped.
 PhotoLight MeasureLight(const Photo& photo, double exposure, const PlaneU8& mask,
                         const LampLight* lamp, const Brightening& brightened, double noise_floor) {
   PhotoLight out;
   const double black = LinearTable::Get()(kBlackSample);
   const double share = 1.0 / CountedPixels(mask, photo.pixels());
   ForLightSquares(photo, mask, [&](const LightSquare& square) {
-    const double largest = square.LargestMean(), weight = share * square.counted;
-    if (largest <= black) {
+    const double weight = share * square.counted;
+    if (square.LargestMean() <= black) {
       out.black += weight;
       return;
     }
     const double lit = lamp != nullptr ? lamp->At(square.x, square.y) : 1;
-    AddSquare(square, exposure * lit, weight, brightened,
-              largest <= noise_floor ? &out.noise : &out.lit);
+    const std::array<float, 3> grew = brightened.At(square.x + kSquare / 2, square.y + kSquare / 2);
+    std::array<double, 3> stored;
+    for (int c = 0; c < 3; ++c) stored[c] = square.mean[c] / grew[c];
+    const double before = LightOfPixel(stored[0], stored[1], stored[2]),
+                 after = LightOfPixel(square.mean[0], square.mean[1], square.mean[2]);
+    const double less = before > 0 ? before / after : 1;
+    const bool is_noise = std::max({stored[0], stored[1], stored[2]}) <= noise_floor;
+    (is_noise ? out.noise : out.lit)
+        .AddPixel(stored[0], stored[1], stored[2], exposure * lit * less, weight);
   });
   return out;
 }
@@ -69,15 +66,14 @@ void AddUpTo(double most, const LightHistogram& light, LightHistogram* to) {
 }  // namespace
 
 LightHistogram CaptureLight(absl::Span<const Photo> photos, absl::Span<const double> exposures,
-                            int threads, absl::Span<const PlaneU8> masks,
-                            absl::Span<const LampLight> lamps,
-                            absl::Span<const Brightening> brightened) {
-  const double noise_floor = NoiseFloor(photos, threads, masks);
+                            int threads, const CaptureFacts& facts) {
+  const double noise_floor =
+      facts.noise_floor.has_value() ? *facts.noise_floor : NoiseFloor(photos, threads, facts.masks);
   std::vector<PhotoLight> of_photos(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
-    of_photos[i] =
-        MeasureLight(photos[i], exposures[i], MaskOf(masks, i), lamps.empty() ? nullptr : &lamps[i],
-                     BrighteningOf(brightened, i), noise_floor);
+    of_photos[i] = MeasureLight(photos[i], exposures[i], MaskOf(facts.masks, i),
+                                facts.lamps.empty() ? nullptr : &facts.lamps[i],
+                                BrighteningOf(facts.brightened, i), noise_floor);
   });
   LightHistogram all, noise;
   double black = 0;

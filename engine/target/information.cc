@@ -107,10 +107,22 @@ WeightTable WeightsOf(const std::array<double, kCodes>& noise,
   return weights;
 }
 
+// A photo as its camera stored it: whether a sample is clipped is told by that.
+class StoredPhoto {
+ public:
+  StoredPhoto(const Photo& photo, const Brightening& brightening)
+      : photo_(photo), undone_(brightening.none() ? Photo() : brightening.Undone(photo)) {}
+  const Photo& operator*() const { return undone_.empty() ? photo_ : undone_; }
+
+ private:
+  const Photo& photo_;
+  const Photo undone_;
+};
+
 // Of some of the photos, by their indices.
 Samples SamplesOf(absl::Span<const Photo* const> photos, absl::Span<const Photo* const> targets,
-                  absl::Span<const PlaneU8> masks, absl::Span<const size_t> indices, int threads,
-                  const CancelToken& cancel) {
+                  absl::Span<const PlaneU8> masks, absl::Span<const Brightening> brightened,
+                  absl::Span<const size_t> indices, int threads, const CancelToken& cancel) {
   if (threads <= 0) threads = DefaultThreadCount();
   std::vector<Samples> of_threads(threads);
   ParallelFor(threads, indices.size(), [&](size_t k, int thread) {
@@ -118,7 +130,8 @@ Samples SamplesOf(absl::Span<const Photo* const> photos, absl::Span<const Photo*
     Samples& samples = of_threads[thread];
     samples.resize(kCodes);
     const size_t i = indices[k];
-    AddPhoto(*photos[i], *targets[i], MaskOf(masks, i), &samples);
+    const StoredPhoto stored(*photos[i], BrighteningOf(brightened, i));
+    AddPhoto(*stored, *targets[i], MaskOf(masks, i), &samples);
   });
   Samples sum(kCodes);
   for (const Samples& samples : of_threads) {
@@ -133,8 +146,10 @@ int HalfStops(double exposure) { return static_cast<int>(std::lround(2 * std::lo
 std::map<int, WeightTable> TablesByExposure(absl::Span<const Photo* const> photos,
                                             absl::Span<const Photo* const> targets,
                                             absl::Span<const double> exposures,
-                                            absl::Span<const PlaneU8> masks, double code_step,
-                                            int threads, const CancelToken& cancel) {
+                                            absl::Span<const PlaneU8> masks,
+                                            absl::Span<const Brightening> brightened,
+                                            double code_step, int threads,
+                                            const CancelToken& cancel) {
   std::map<int, std::vector<size_t>> groups;
   for (size_t i = 0; i < photos.size(); ++i) groups[HalfStops(exposures[i])].push_back(i);
   std::map<int, CodeStatistics> statistics;
@@ -142,7 +157,7 @@ std::map<int, WeightTable> TablesByExposure(absl::Span<const Photo* const> photo
   best.fill(kClippedNoise);
   for (const auto& [exposure, group] : groups) {
     statistics[exposure] =
-        Summarize(SamplesOf(photos, targets, masks, group, threads, cancel), code_step);
+        Summarize(SamplesOf(photos, targets, masks, brightened, group, threads, cancel), code_step);
     const std::array<double, kCodes> noise = NoiseOfTargets(statistics[exposure]);
     for (int code = 0; code < kCodes; ++code) best[code] = std::min(best[code], noise[code]);
   }
@@ -159,14 +174,15 @@ CodeStatistics MeasureTargets(absl::Span<const Photo* const> photos,
   LITAGS_CHECK(photos.size() == targets.size());
   std::vector<size_t> all(photos.size());
   std::iota(all.begin(), all.end(), 0);
-  return Summarize(SamplesOf(photos, targets, masks, all, /*threads=*/1, CancelToken()),
+  return Summarize(SamplesOf(photos, targets, masks, {}, all, /*threads=*/1, CancelToken()),
                    /*code_step=*/1);
 }
 
 std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
                                         absl::Span<const Photo* const> targets,
                                         absl::Span<const double> exposures,
-                                        absl::Span<const PlaneU8> masks, double code_step,
+                                        absl::Span<const PlaneU8> masks,
+                                        absl::Span<const Brightening> brightened, double code_step,
                                         int threads, const CancelToken& cancel) {
   LITAGS_CHECK(targets.size() == photos.size() && exposures.size() == photos.size());
   if (photos.empty()) return {};
@@ -174,11 +190,12 @@ std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
   if (*most <= kLikeExposures * *least) return {};
 
   const std::map<int, WeightTable> tables =
-      TablesByExposure(photos, targets, exposures, masks, code_step, threads, cancel);
-  const auto weight = [&](const WeightTable& table, size_t photo, size_t pixel) {
+      TablesByExposure(photos, targets, exposures, masks, brightened, code_step, threads, cancel);
+  const auto weight = [](const WeightTable& table, const Photo& photo, const Photo& target,
+                         size_t pixel) {
     double sum = 0;
     for (size_t k = 3 * pixel; k < 3 * pixel + 3; ++k) {
-      sum += table[kCodes * CodeOf(photos[photo]->data[k]) + CodeOf(targets[photo]->data[k])];
+      sum += table[kCodes * CodeOf(photo.data[k]) + CodeOf(target.data[k])];
     }
     return sum / 3;
   };
@@ -186,8 +203,9 @@ std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
     if (cancel.IsCancelled()) return;
     const WeightTable& table = tables.at(HalfStops(exposures[i]));
+    const StoredPhoto stored(*photos[i], BrighteningOf(brightened, i));
     ForCounted(MaskOf(masks, i), photos[i]->pixels(),
-               [&](size_t k) { sums[i] += weight(table, i, k); });
+               [&](size_t k) { sums[i] += weight(table, *stored, *targets[i], k); });
   });
   double sum = 0;
   size_t pixels = 0;
@@ -200,10 +218,11 @@ std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
     if (cancel.IsCancelled()) return;
     const WeightTable& table = tables.at(HalfStops(exposures[i]));
+    const StoredPhoto stored(*photos[i], BrighteningOf(brightened, i));
     PlaneU8 plane(photos[i]->width, photos[i]->height);
     for (size_t k = 0; k < plane.data.size(); ++k) {
-      plane.data[k] =
-          static_cast<uint8_t>(std::min(255.0, std::round(scale * weight(table, i, k))));
+      const double w = weight(table, *stored, *targets[i], k);
+      plane.data[k] = static_cast<uint8_t>(std::min(255.0, std::round(scale * w)));
     }
     planes[i] = std::move(plane);
   });

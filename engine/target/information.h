@@ -10,6 +10,7 @@
 #include "engine/core/cancel.h"
 #include "engine/core/color.h"
 #include "engine/core/photo.h"
+#include "engine/target/response.h"
 
 namespace litags {
 
@@ -42,13 +43,15 @@ CodeStatistics MeasureTargets(absl::Span<const Photo* const> photos,
 // as bright, and T = kToleratedNoise; brought to a mean of 1 over what counts of the capture and
 // stored in steps of 1 / kInformationOne, at most 255 of them. One plane per photo. `exposures` as
 // for MakeTargets (tone.h); none, all pixels alike, where they are within kLikeExposures.
-// `code_step`: see FileSteps (shadow_color.h). The same for any `threads`; once `cancel` is raised,
-// there soon are none.
+// `brightened`, one per photo or none, tells what its camera stored. `code_step`: see FileSteps
+// (shadow_color.h). The same for any `threads`; once `cancel` is raised, there soon are none.
 std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
                                         absl::Span<const Photo* const> targets,
                                         absl::Span<const double> exposures,
-                                        absl::Span<const PlaneU8> masks = {}, double code_step = 1,
-                                        int threads = 1, const CancelToken& cancel = CancelToken());
+                                        absl::Span<const PlaneU8> masks = {},
+                                        absl::Span<const Brightening> brightened = {},
+                                        double code_step = 1, int threads = 1,
+                                        const CancelToken& cancel = CancelToken());
 
 inline constexpr double kLikeExposures = 2;  // the largest over the smallest, a stop. Choice
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -106,7 +107,7 @@ TEST(InformationWeights, AreTheSameForAnyThreadsAndNoneOnceCancelled) {
     target_of.push_back(&targets[i]);
   }
   const auto weights = [&](int threads, const CancelToken& cancel) {
-    return InformationWeights(photo_of, target_of, exposures, {}, 1, threads, cancel);
+    return InformationWeights(photo_of, target_of, exposures, {}, {}, 1, threads, cancel);
   };
   const std::vector<PlaneU8> one = weights(1, CancelToken()), three = weights(3, CancelToken());
   ASSERT_EQ(one.size(), 5u);
@@ -115,6 +116,21 @@ TEST(InformationWeights, AreTheSameForAnyThreadsAndNoneOnceCancelled) {
   CancelToken cancel;
   cancel.Cancel();
   EXPECT_TRUE(weights(3, cancel).empty());
+}
+
+// A lens that is dark at the corners: what is evened out may lie above white, and was measured.
+TEST(InformationWeights, WhatWasMadeBrighterThanWhiteIsNotClipped) {
+  const std::array<double, 3> gain = {0.3, 0.3, 0.3};
+  const RadialFrame frame = {kSize / 2, kSize / 2, kSize};
+  Photo bright = TwoHalves(200, 100);
+  ApplyResponse(gain, {}, frame, &bright);
+  ASSERT_GT(bright.data[0], kPhotoWhite);
+  const Photo dark = TwoHalves(60, 40), target = TwoHalves(180, 120);
+  const std::vector<Brightening> brightened = {Brightening(gain, {}, frame), Brightening()};
+  const auto planes =
+      InformationWeights({&bright, &dark}, {&target, &target}, {8, 1}, {}, brightened);
+  ASSERT_EQ(planes.size(), 2u);
+  EXPECT_NEAR(planes[0].data[5], planes[0].data[kSize - 5], 0.1 * planes[0].data[5]);
 }
 
 TEST(InformationWeights, WhatNoPhotoKnowsWeighsAsMuchAsWhatIsKnown) {

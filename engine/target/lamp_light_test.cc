@@ -51,7 +51,8 @@ TEST(LampLight, CaptureGainIsThatOfTheSceneWithoutTheLamp) {
     }
   }
   const std::vector<LampLight> lamps = {LampLight(seen, 96, 96)};
-  const double want = CaptureGain({even}, {1.0}, 1), have = CaptureGain({lit}, {1.0}, 1, {}, lamps);
+  const double want = CaptureGain({even}, {1.0}, 1),
+               have = CaptureGain({lit}, {1.0}, 1, {.lamps = lamps});
   EXPECT_NEAR(std::log2(have / want), 0, 0.02);
   EXPECT_LT(std::log2(CaptureGain({lit}, {1.0}, 1) / want), -0.5);
 }

@@ -56,7 +56,8 @@ TEST(MaskedPhotos, GainsOfTargetsAreThoseOfWhatCounts) {
   const std::vector<double> exposures = {1, 1.2, 2};
   for (const Tone rule : {Tone::kPaper, Tone::kCapture}) {
     const auto cut = MakeTargets(photos.cut, exposures, {.rule = rule}, 1);
-    const auto masked = MakeTargets(photos.whole, exposures, {.rule = rule}, 1, photos.masks);
+    const auto masked =
+        MakeTargets(photos.whole, exposures, {.rule = rule}, 1, {.masks = photos.masks});
     const auto whole = MakeTargets(photos.whole, exposures, {.rule = rule}, 1);
     ASSERT_TRUE(cut.ok() && masked.ok() && whole.ok());
     for (size_t i = 0; i < 3; ++i) {

@@ -1,8 +1,7 @@
 #include "engine/target/noise_floor.h"
 
+#include <algorithm>
 #include <cmath>
-#include <cstdint>
-#include <vector>
 
 #include "engine/core/color.h"
 #include "engine/core/mask.h"
@@ -22,52 +21,63 @@ constexpr int kLevelsPerCode = 16, kLevels = 8 * kLevelsPerCode;  // of squares'
 
 double LightOfLevel() { return LinearTable::Get()(kPhotoCode) / kLevelsPerCode; }
 
-// Squares of about the same light, sums over their channels.
-struct Level {
-  int64_t channels = 0;
-  double mean = 0, variance = 0;
+}  // namespace
 
-  bool IsNoise() const {
-    const auto n = static_cast<double>(channels);
-    return mean / n <= kMostOfDeviation * std::sqrt(variance / n);
-  }
-};
-using Levels = std::vector<Level>;
+bool NoiseLevels::Level::IsNoise() const {
+  const auto n = static_cast<double>(channels);
+  return mean / n <= kMostOfDeviation * std::sqrt(variance / n);
+}
 
-Levels LevelsOf(const Photo& photo, const PlaneU8& mask) {
-  Levels levels(kLevels);
+NoiseLevels::NoiseLevels() : levels_(kLevels) {}
+
+NoiseLevels::NoiseLevels(const Photo& photo, const PlaneU8& mask) : NoiseLevels() {
   ForLightSquares(photo, mask, [&](const LightSquare& square) {
     const double level = std::max(0.0, square.LargestMean() / LightOfLevel());
     if (square.counted < kLeastCounted || level >= kLevels) return;
-    Level& of = levels[static_cast<size_t>(level)];
+    Level& of = levels_[static_cast<size_t>(level)];
     for (int c = 0; c < 3; ++c) {
       ++of.channels;
       of.mean += square.mean[c];
       of.variance += square.variance[c];
     }
   });
-  return levels;
 }
 
-}  // namespace
+void NoiseLevels::Add(const NoiseLevels& other) {
+  for (int i = 0; i < kLevels; ++i) {
+    levels_[i].channels += other.levels_[i].channels;
+    levels_[i].mean += other.levels_[i].mean;
+    levels_[i].variance += other.levels_[i].variance;
+  }
+}
 
-double NoiseFloor(absl::Span<const Photo> photos, int threads, absl::Span<const PlaneU8> masks) {
-  std::vector<Levels> of_photos(photos.size());
-  ParallelFor(threads, photos.size(),
-              [&](size_t i, int) { of_photos[i] = LevelsOf(photos[i], MaskOf(masks, i)); });
+double NoiseLevels::Floor() const {
   int floor = 0;
   for (int i = 0; i < kLevels; ++i) {
-    Level all;
-    for (const Levels& levels : of_photos) {
-      all.channels += levels[i].channels;
-      all.mean += levels[i].mean;
-      all.variance += levels[i].variance;
-    }
-    if (all.channels == 0) continue;
-    if (!all.IsNoise()) break;
+    if (levels_[i].channels == 0) continue;
+    if (!levels_[i].IsNoise()) break;
     floor = i + 1;
   }
   return floor * LightOfLevel();
+}
+
+double NoiseLevels::Variance() const {
+  double variance = 0;
+  int64_t channels = 0;
+  for (const Level& level : levels_) {
+    variance += level.variance;
+    channels += level.channels;
+  }
+  return channels > 0 ? variance / static_cast<double>(channels) : 0;
+}
+
+double NoiseFloor(absl::Span<const Photo> photos, int threads, absl::Span<const PlaneU8> masks) {
+  std::vector<NoiseLevels> of_photos(photos.size());
+  ParallelFor(threads, photos.size(),
+              [&](size_t i, int) { of_photos[i] = NoiseLevels(photos[i], MaskOf(masks, i)); });
+  NoiseLevels all;
+  for (const NoiseLevels& of_photo : of_photos) all.Add(of_photo);
+  return all.Floor();
 }
 
 }  // namespace litags

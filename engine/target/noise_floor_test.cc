@@ -44,5 +44,19 @@ TEST(NoiseFloor, IsBelowWhatIsBrighterThanItsNoise) {
   EXPECT_EQ(NoiseFloor({NoisyPhoto(20, 1, 1)}, 1), 0);
 }
 
+// Of a photo that was shrunk there is nothing left to tell it by.
+TEST(NoiseLevels, AddUpToTheFloorOfAllPhotos) {
+  const std::vector<Photo> photos = {NoisyPhoto(0, 1, 1), NoisyPhoto(4, 1, 2)};
+  NoiseLevels sum;
+  for (const Photo& photo : photos) sum.Add(NoiseLevels(photo, {}));
+  EXPECT_EQ(sum.Floor(), NoiseFloor(photos, 1));
+  // A code's light, squared; black cuts some of one photo's off.
+  const double variance = Light(1) * Light(1);
+  EXPECT_GT(sum.Variance(), 0.5 * variance);
+  EXPECT_LT(sum.Variance(), 1.1 * variance);
+  EXPECT_EQ(NoiseLevels().Floor(), 0);
+  EXPECT_EQ(NoiseLevels().Variance(), 0);
+}
+
 }  // namespace
 }  // namespace litags

@@ -20,6 +20,8 @@ constexpr int kRadius = 2;            // px: a patch of 5x5 averages the noise
 constexpr double kMaxCode = 250;      // 8-bit, of a patch's mean in every channel
 constexpr int16_t kLeastSample = 16;  // a quarter of a code: what a photo's median is at least
 constexpr int kRounds = 50;           // of alternating medians
+constexpr double kUntoldLight =
+    0.05;  // of a patch's light that may lie in channels near black. Choice
 
 // Of WithoutDrift(), logs. Choices
 constexpr double kDrift = 0.15;                     // deviation of drift, beforehand
@@ -40,11 +42,29 @@ double MiddleOf(std::vector<double>& values) {
   return (upper + *std::max_element(values.begin(), values.begin() + values.size() / 2)) / 2;
 }
 
+// The least of a channel's mean code that tells its light.
+double LeastCode(const PatchLight& patch, int channel, double code_step) {
+  constexpr double kSteps = 2, kDeviations = 2, kSure = 2;  // codes
+  const double least = std::min(kSteps * std::max(code_step, 1.0 / kPhotoCode), kSure);
+  return std::clamp(kDeviations * patch.noise[channel], least, kSure);
+}
+
+// Whether the light of a patch is told: a channel may be near black where the others outshine it,
+// as blue is in sodium light.
+bool TellsLight(const PatchLight& patch, double code_step) {
+  const double most = kUntoldLight * (patch.light[0] + patch.light[1] + patch.light[2]);
+  for (int c = 0; c < 3; ++c) {
+    const double least = LeastCode(patch, c, code_step);
+    if (patch.codes[c] < least && LinearFromSrgb(least / 255) > most) return false;
+  }
+  return true;
+}
+
 // Log of the mean linear light of a patch; nothing if it is cut off, masked, black or white.
 std::optional<double> LogLight(const Photo& photo, const PlaneU8& mask, double x, double y,
                                double code_step) {
   const std::optional<PatchLight> patch = PatchLightAt(photo, mask, x, y);
-  if (!patch.has_value() || !AboveBlack(*patch, code_step)) return std::nullopt;
+  if (!patch.has_value() || !TellsLight(*patch, code_step)) return std::nullopt;
   for (const double code : patch->codes) {
     if (code > kMaxCode) return std::nullopt;
   }
@@ -155,21 +175,25 @@ void AddThemselves(const std::vector<double>& logs, std::vector<double>* likenes
 }
 
 // Gives photos that are not `known` what they state beside those that are, if that is believed; or
-// beside each other if none is.
+// beside each other if none is. Of fewer than kMinStated photos that are known nothing tells
+// whether the others state the truth: they are better than none.
 void TakeStated(absl::Span<const double> stated, const std::vector<bool>& known,
                 std::vector<double>* log_exposure) {
   if (stated.empty()) return;
-  const bool none = std::find(known.begin(), known.end(), true) == known.end();
-  std::vector<double> offsets, errors;
+  const bool few = std::count(known.begin(), known.end(), true) < static_cast<int>(kMinStated);
+  std::vector<double> offsets, of_known;
   for (size_t i = 0; i < known.size(); ++i) {
-    if ((known[i] || none) && stated[i] > 0)
-      offsets.push_back((*log_exposure)[i] - std::log(stated[i]));
+    if (!(stated[i] > 0)) continue;
+    offsets.push_back((*log_exposure)[i] - std::log(stated[i]));
+    if (known[i]) of_known.push_back(offsets.back());
   }
-  if (offsets.size() < (none ? 1 : kMinStated)) return;
-  errors = offsets;
+  const bool by_known = !of_known.empty();
+  if (by_known) offsets = std::move(of_known);
+  if (offsets.empty() || (!few && (!by_known || offsets.size() < kMinStated))) return;
+  std::vector<double> errors = offsets;
   const double middle = MedianInPlace(errors);
   for (double& error : errors) error = std::abs(error - middle);
-  if (!none && MedianInPlace(errors) / 0.6745 > kMostStatedError) return;
+  if (by_known && MedianInPlace(errors) / 0.6745 > kMostStatedError) return;
   for (size_t i = 0; i < known.size(); ++i) {
     if (!known[i] && stated[i] > 0) (*log_exposure)[i] = std::log(stated[i]) + middle;
   }
@@ -216,10 +240,8 @@ std::optional<PatchLight> PatchLightAt(const Photo& photo, const PlaneU8& mask, 
 }
 
 bool AboveBlack(const PatchLight& patch, double code_step) {
-  constexpr double kSteps = 2, kDeviations = 2, kSure = 2;  // codes
-  const double least = std::min(kSteps * std::max(code_step, 1.0 / kPhotoCode), kSure);
   for (int c = 0; c < 3; ++c) {
-    if (patch.codes[c] < std::clamp(kDeviations * patch.noise[c], least, kSure)) return false;
+    if (patch.codes[c] < LeastCode(patch, c, code_step)) return false;
   }
   return true;
 }

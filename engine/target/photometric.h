@@ -44,11 +44,11 @@ bool AboveBlack(const PatchLight& patch, double code_step);
 // matches do not matter; samples near black (AboveBlack) or white are left out. A photo that shares
 // fewer than kMinSightings usable points with the others has the exposure that it states beside
 // theirs; if it states none, or what they state is not so (a changed, edited or merged photo's
-// EXIF), it is taken to have the same median light as they have. Where no photo shares enough
-// points, all have what they state. `stated`: one per photo, in any unit, 0: none; or empty.
-// Sightings are sorted by point. `masks`: see MaskOf; a sighting with a masked pixel in its patch
-// does not count. `code_step`: as for AboveBlack. The same for any `threads`; once `cancel` is
-// raised, all soon are 1.
+// EXIF), it is taken to have the same median light as they have. Where fewer than kMinStated photos
+// share enough points, the others have what they state. `stated`: one per photo, in any unit, 0:
+// none; or empty. Sightings are sorted by point. `masks`: see MaskOf; a sighting with a masked
+// pixel in its patch does not count. `code_step`: as for AboveBlack. The same for any `threads`;
+// once `cancel` is raised, all soon are 1.
 std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
                                       absl::Span<const PlaneU8> masks = {},

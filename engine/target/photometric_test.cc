@@ -128,6 +128,33 @@ TEST(Photometric, BlackAndWhiteSamplesAreLeftOut) {
   ExpectRatios(RelativeExposures(wall.photos, wall.sightings), exposures, 0.03);
 }
 
+// Sodium lamps: no blue at all.
+TEST(Photometric, LightThatLacksAPrimaryTellsExposures) {
+  const std::vector<double> exposures = {1, 0.9, 0.25, 1.1};
+  Wall wall = MakeWall(exposures);
+  for (Photo& photo : wall.photos) {
+    for (size_t i = 2; i < photo.data.size(); i += 3) photo.data[i] = 0;
+  }
+  ExpectRatios(RelativeExposures(wall.photos, wall.sightings), exposures, 0.03);
+}
+
+// Too few are known to tell whether the others state the truth; what they show is worse.
+TEST(Photometric, WhatPhotosStateServesWhereFewAreKnown) {
+  Wall wall = MakeWall({1, 1});
+  for (const int code : {0, 1, 2, 4}) {
+    ImageU8 dark(kSide, kSide);
+    std::fill(dark.data.begin(), dark.data.end(), code);
+    wall.photos.push_back(PhotoFromU8(dark));
+  }
+  const std::vector<double> one(wall.photos.size(), 1.0);
+  ExpectRatios(RelativeExposures(wall.photos, wall.sightings, {}, one), one, 0.1);
+  // Those that are known contradict each other.
+  std::vector<double> edited = one;
+  edited[1] = 16;
+  const auto have = RelativeExposures(wall.photos, wall.sightings, {}, edited);
+  EXPECT_EQ(have, RelativeExposures(wall.photos, wall.sightings));
+}
+
 // Photos of which all points are nearly black share none with the others.
 TEST(Photometric, WhatPhotosStateServesWhereTheyShareTooFewPoints) {
   double worst_without = 0, worst_with = 0;  // stops

@@ -178,7 +178,7 @@ Vignette EstimateVignette(absl::Span<const TrackValue> values, const TrackFit& f
 
 // Sets all of the response but the gains.
 void EstimateFalloff(size_t photos, absl::Span<const PointSample> samples,
-                     CaptureResponse* response) {
+                     const CancelToken& cancel, CaptureResponse* response) {
   std::vector<TrackValue> values;
   for (const PointSample& s : samples) {
     double light = 0;
@@ -186,11 +186,11 @@ void EstimateFalloff(size_t photos, absl::Span<const PointSample> samples,
     const auto [a, b, c] = VignetteColumns(s.radius);
     values.push_back({s.point, s.photo, std::log(light), {a, b, c, -s.log_distance}});
   }
-  TrackFit fit = FitTracks(photos, values);
+  TrackFit fit = FitTracks(photos, values, cancel);
   response->lamp_power = EstimateLamp(values, fit, samples);
   if (response->lamp_power == 0) {  // nor is there one that weighs samples
     for (TrackValue& v : values) v.columns[kLampColumn] = 0;
-    fit = FitTracks(photos, values);
+    fit = FitTracks(photos, values, cancel);
   }
   response->lamp_distance =
       std::exp(Quantile(samples, 0.5, [](const PointSample& s) { return s.log_distance; }));
@@ -200,15 +200,15 @@ void EstimateFalloff(size_t photos, absl::Span<const PointSample> samples,
 // ---- White balance
 
 // Log of a channel's gain relative to green's, per photo.
-std::vector<double> EstimateColor(size_t photos, absl::Span<const PointSample> samples,
-                                  int channel) {
+std::vector<double> EstimateColor(size_t photos, absl::Span<const PointSample> samples, int channel,
+                                  const CancelToken& cancel) {
   std::vector<TrackValue> values;
   std::vector<int> samples_of(photos, 0);
   for (const PointSample& s : samples) {
     values.push_back({s.point, s.photo, s.log_light[channel] - s.log_light[1], {}});
     ++samples_of[s.photo];
   }
-  const TrackFit fit = FitTracks(photos, values);
+  const TrackFit fit = FitTracks(photos, values, cancel);
   std::vector<double> told;
   for (size_t i = 0; i < photos; ++i) {
     if (samples_of[i] >= kMinSightings) told.push_back(fit.offsets[i]);
@@ -294,7 +294,8 @@ std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
   return samples;
 }
 
-CaptureResponse EstimateResponse(size_t photos, absl::Span<const PointSample> samples) {
+CaptureResponse EstimateResponse(size_t photos, absl::Span<const PointSample> samples,
+                                 const CancelToken& cancel) {
   std::vector<PointSample> finite;
   for (const PointSample& s : samples) {
     const auto ok = [](double x) { return std::isfinite(x) && std::abs(x) < 100; };
@@ -303,8 +304,9 @@ CaptureResponse EstimateResponse(size_t photos, absl::Span<const PointSample> sa
       finite.push_back(s);
   }
   CaptureResponse response;
-  EstimateFalloff(photos, finite, &response);
-  response.gains = GainsOf(EstimateColor(photos, finite, 0), EstimateColor(photos, finite, 2));
+  EstimateFalloff(photos, finite, cancel, &response);
+  response.gains =
+      GainsOf(EstimateColor(photos, finite, 0, cancel), EstimateColor(photos, finite, 2, cancel));
   return response;
 }
 

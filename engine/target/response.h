@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
+#include "engine/core/cancel.h"
 #include "engine/core/color.h"
 #include "engine/core/photo.h"
 #include "engine/target/photometric.h"
@@ -72,7 +73,9 @@ std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
 // - The lamp's power is 0 unless it makes the farthest tenth of the samples kLeastLamp darker than
 //   the nearest, and is four standard errors, too.
 // Samples that are not finite do not count; `samples` is sorted by point. All results are finite.
-CaptureResponse EstimateResponse(size_t photos, absl::Span<const PointSample> samples);
+// Once `cancel` is raised, they soon come, and mean nothing.
+CaptureResponse EstimateResponse(size_t photos, absl::Span<const PointSample> samples,
+                                 const CancelToken& cancel = CancelToken());
 
 inline constexpr double kLeastColor = 0.02;    // log of a gain. 2 % is hardly seen
 inline constexpr double kLeastVignette = 0.5;  // stops. Cameras' own correction leaves up to 0.4

@@ -306,10 +306,14 @@ ColorPrior MedianPrior(absl::Span<const ColorPrior> priors) {
     for (const ColorPrior& prior : priors) values.push_back(prior.*field);
     return Median(std::move(values));
   };
+  std::vector<double> noises;  // of the photos that have dark pixels
+  for (const ColorPrior& prior : priors) {
+    if (prior.luma_noise > 0) noises.push_back(prior.luma_noise);
+  }
   ColorPrior out = {.cb = median(&ColorPrior::cb),
                     .cr = median(&ColorPrior::cr),
                     .steps = {.code = 0},
-                    .luma_noise = median(&ColorPrior::luma_noise)};
+                    .luma_noise = noises.empty() ? 0 : Median(std::move(noises))};
   for (const ColorPrior& prior : priors) {
     out.steps.code = std::max(out.steps.code, prior.steps.code);
     out.steps.chroma = std::max(out.steps.chroma, prior.steps.chroma);

@@ -242,6 +242,12 @@ TEST(MedianPrior, IsOfEachFigureAndTheCoarsestStep) {
   EXPECT_EQ(median.steps.chroma, 9);
 }
 
+TEST(MedianPrior, PhotosWithoutDarkPixelsSayNothingOfNoise) {
+  const std::vector<ColorPrior> priors = {
+      ColorPrior(), ColorPrior(), ColorPrior(), {.steps = {}, .luma_noise = 2}};
+  EXPECT_EQ(MedianPrior(priors).luma_noise, 2);
+}
+
 TEST(MeasureColorPrior, NothingKnownIsGrey) {
   const ColorPrior prior = MeasureColorPrior(Photo(), {});
   EXPECT_EQ(MedianPrior({}).cb, 0);

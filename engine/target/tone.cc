@@ -13,7 +13,6 @@
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/target/bisect.h"
-#include "engine/target/capture_light.h"
 #include "engine/target/chroma.h"
 #include "engine/target/clipped_colors.h"
 #include "engine/target/exposure_rule.h"
@@ -120,26 +119,32 @@ bool HasClipped(const Photo& photo, const Brightening& brightened) {
                      [](int16_t sample) { return sample >= kClippedSample; });
 }
 
-std::vector<ToneTarget> CaptureTargets(
-    absl::Span<const Photo> photos, absl::Span<const double> exposures, const ToneOptions& options,
-    int threads, absl::Span<const PlaneU8> masks, const std::function<void(int)>& done,
-    const CancelToken& cancel, absl::Span<const Brightening> brightened) {
-  const double gain = CaptureGain(photos, exposures, threads, masks, {}, brightened);
+std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
+                                       absl::Span<const double> exposures,
+                                       const ToneOptions& options, int threads,
+                                       const CaptureFacts& facts,
+                                       const std::function<void(int)>& done,
+                                       const CancelToken& cancel) {
+  const double gain = CaptureGain(photos, exposures, threads, facts);
   // By quarters of a stop: finer, exposures make no difference to what is clipped.
   std::map<int, ClippedColors> tables;
   std::vector<const ClippedColors*> colors(photos.size(), nullptr);
   ScenePalette palette;
   for (size_t i = 0; i < photos.size(); ++i) {
-    if (gain >= exposures[i] || !HasClipped(photos[i], BrighteningOf(brightened, i))) continue;
-    if (tables.empty()) palette = CollectPalette(photos, exposures, gain, masks, brightened);
+    if (gain >= exposures[i] || !HasClipped(photos[i], BrighteningOf(facts.brightened, i))) {
+      continue;
+    }
+    if (tables.empty()) {
+      palette = CollectPalette(photos, exposures, gain, facts.masks, facts.brightened);
+    }
     const int step = static_cast<int>(std::lround(4 * std::log2(exposures[i])));
     colors[i] = &tables.try_emplace(step, palette, std::exp2(step / 4.0)).first->second;
   }
   std::vector<ToneTarget> targets(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
     if (cancel.IsCancelled()) return;
-    targets[i] = CaptureTarget(photos[i], MaskOf(masks, i), gain / exposures[i], colors[i],
-                               BrighteningOf(brightened, i), options);
+    targets[i] = CaptureTarget(photos[i], MaskOf(facts.masks, i), gain / exposures[i], colors[i],
+                               BrighteningOf(facts.brightened, i), options);
     if (done) done(thread);
   });
   return targets;
@@ -160,9 +165,8 @@ absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
 }  // namespace
 
 double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
-                   absl::Span<const PlaneU8> masks, absl::Span<const LampLight> lamps,
-                   absl::Span<const Brightening> brightened) {
-  return ExposureGain(CaptureLight(photos, exposures, threads, masks, lamps, brightened));
+                   const CaptureFacts& facts) {
+  return ExposureGain(CaptureLight(photos, exposures, threads, facts));
 }
 
 Photo WithLinearGain(const Photo& photo, double gain) {
@@ -197,17 +201,18 @@ CodeCurve ChangeOfTargets(const ToneOptions& options,
   return curve;
 }
 
-absl::StatusOr<std::vector<ToneTarget>> MakeTargets(
-    absl::Span<const Photo> photos, absl::Span<const double> exposures, const ToneOptions& options,
-    int threads, absl::Span<const PlaneU8> masks, const std::function<void(int)>& done,
-    const CancelToken& cancel, absl::Span<const Brightening> brightened) {
+absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> photos,
+                                                    absl::Span<const double> exposures,
+                                                    const ToneOptions& options, int threads,
+                                                    const CaptureFacts& facts,
+                                                    const std::function<void(int)>& done,
+                                                    const CancelToken& cancel) {
   LITAGS_RETURN_IF_ERROR(options.Validate());
   LITAGS_CHECK(photos.size() == exposures.size());
-  LITAGS_CHECK(masks.empty() || masks.size() == photos.size());
+  LITAGS_CHECK(facts.masks.empty() || facts.masks.size() == photos.size());
   for (const Photo& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
   if (options.rule == Tone::kCapture) {
-    auto targets =
-        CaptureTargets(photos, exposures, options, threads, masks, done, cancel, brightened);
+    auto targets = CaptureTargets(photos, exposures, options, threads, facts, done, cancel);
     LITAGS_RETURN_IF_ERROR(cancel.Check());
     return targets;
   }
@@ -217,7 +222,8 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(
     if (cancel.IsCancelled()) return;
     switch (options.rule) {
       case Tone::kPaper: {
-        absl::StatusOr<ToneTarget> target = PaperTarget(photos[i], MaskOf(masks, i), options.theta);
+        absl::StatusOr<ToneTarget> target =
+            PaperTarget(photos[i], MaskOf(facts.masks, i), options.theta);
         statuses[i] = target.status();
         if (target.ok()) targets[i] = *std::move(target);
         break;

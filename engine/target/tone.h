@@ -12,8 +12,7 @@
 #include "engine/core/color.h"
 #include "engine/core/noise_curve.h"
 #include "engine/core/photo.h"
-#include "engine/target/lamp_light.h"
-#include "engine/target/response.h"
+#include "engine/target/capture_light.h"
 #include "engine/target/tone_options.h"
 
 namespace litags {
@@ -26,19 +25,16 @@ struct ToneTarget {
 
 // One target per photo, in order. `exposures`: light gathered by each photo relative to the
 // others, > 0 (RelativeExposures() in photometric.h); kCapture evens them out, the other rules
-// do not read them. `masks` (see MaskOf; each leaves a pixel or more): only pixels that count
-// decide gains, all of the photo is mapped. INVALID_ARGUMENT for bad options, an empty photo, or
-// one that is all black (no gain helps; leave it out); CANCELLED, before the next target is begun.
-// Deterministic for any `threads` (<= 0: all cores). `done` is called with ParallelFor's thread as
-// each target is made. `brightened`, if any, one per photo: what was done to it before, so that
-// its clipped samples are known.
+// do not read them. All of a photo is mapped, also what its mask leaves out; each mask leaves a
+// pixel or more. INVALID_ARGUMENT for bad options, an empty photo, or one that is all black (no
+// gain helps; leave it out); CANCELLED, before the next target is begun. Deterministic for any
+// `threads` (<= 0: all cores). `done` is called with ParallelFor's thread as each target is made.
 absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> photos,
                                                     absl::Span<const double> exposures,
                                                     const ToneOptions& options, int threads,
-                                                    absl::Span<const PlaneU8> masks = {},
+                                                    const CaptureFacts& facts = {},
                                                     const std::function<void(int)>& done = nullptr,
-                                                    const CancelToken& cancel = CancelToken(),
-                                                    absl::Span<const Brightening> brightened = {});
+                                                    const CancelToken& cancel = CancelToken());
 
 // The photo with `gain` times its linear light, clipped at white.
 Photo WithLinearGain(const Photo& photo, double gain);
@@ -55,11 +51,9 @@ CodeCurve ChangeOfTargets(const ToneOptions& options,
                           const std::function<double(double light)>& change);
 
 // The gain in linear light, for a photo of exposure 1, that gives the capture the exposure of a
-// well exposed photo (exposure_rule.h). With `lamps`, one per photo: that gives it to the capture
-// as it would be without them. `brightened` as above.
+// well exposed photo (exposure_rule.h); with lamps, the capture as it would be without them.
 double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
-                   absl::Span<const PlaneU8> masks = {}, absl::Span<const LampLight> lamps = {},
-                   absl::Span<const Brightening> brightened = {});
+                   const CaptureFacts& facts = {});
 
 }  // namespace litags
 

@@ -220,7 +220,7 @@ TEST(Tone, WhatTheCameraDidNotClipIsNotTakenForWhiteWhereItWasBrightened) {
   const std::vector<Brightening> brightened = {Brightening(gain, vignette, frame)};
   const std::vector<double> exposures = {1.0};
   const auto targets =
-      MakeTargets({photo}, exposures, {.contrast = 0}, 1, {}, nullptr, CancelToken(), brightened);
+      MakeTargets({photo}, exposures, {.contrast = 0}, 1, {.brightened = brightened});
   ASSERT_TRUE(targets.ok()) << targets.status();
   const double by = targets->front().gain;
   ASSERT_LT(by, 0.7);

@@ -182,7 +182,7 @@ ColumnEquations ColumnsOf(const Elimination& elimination) {
 
 }  // namespace
 
-TrackFit FitTracks(size_t photos, absl::Span<const TrackValue> values) {
+TrackFit FitTracks(size_t photos, absl::Span<const TrackValue> values, const CancelToken& cancel) {
   for (size_t s = 0; s < values.size(); ++s) {
     LITAGS_CHECK(std::isfinite(values[s].value));
     LITAGS_CHECK(s == 0 || values[s - 1].point <= values[s].point);
@@ -194,7 +194,7 @@ TrackFit FitTracks(size_t photos, absl::Span<const TrackValue> values) {
   });
   Elimination solved = EliminateOffsets(photos, Assemble(photos, values, fit.weights));
   Eigen::VectorXd x = SolutionOf(solved);
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kRounds && !cancel.IsCancelled(); ++round) {
     const std::vector<double> residuals = Residuals(photos, values, fit.weights, x);
     fit.noise = NoiseOf(values, residuals);
     ForEachTrack(values, [&](size_t begin, size_t end) {

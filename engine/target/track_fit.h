@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
+#include "engine/core/cancel.h"
 
 namespace litags {
 
@@ -40,8 +41,9 @@ struct TrackFit {
 // values may be wrong. A point that one photo sees says nothing. Offsets are drawn to 0 as if one
 // value more said so. Values are finite and sorted by point (LITAGS_CHECK). Time grows with the
 // cube of the photos (1,000: 1 to 2 s) and the square of a point's values, memory with the square
-// of the photos.
-TrackFit FitTracks(size_t photos, absl::Span<const TrackValue> values);
+// of the photos. Once `cancel` is raised, the fit soon comes, and means nothing.
+TrackFit FitTracks(size_t photos, absl::Span<const TrackValue> values,
+                   const CancelToken& cancel = CancelToken());
 
 // The equations of those values alone, with the weights and offsets of `fit`: group[i] says which
 // of the `groups` results value i belongs to; a point's values are of one group.

@@ -94,6 +94,16 @@ TEST(TrackFit, WithoutColumnsFindsOffsetsDespiteWrongValues) {
   for (const double error : fit.errors) EXPECT_GT(error, 0);
 }
 
+TEST(TrackFit, EndsSoonOnceItIsCancelled) {
+  const World w = MakeWorld(/*columns=*/false);
+  CancelToken cancel;
+  cancel.Cancel();
+  // No round has weighed wrong values; a point's only value counts for nothing from the start.
+  for (const double weight : FitTracks(w.photos, w.values, cancel).weights) {
+    EXPECT_TRUE(weight == 0 || weight == 1) << weight;
+  }
+}
+
 TEST(TrackFit, OfNoPhotosIsEmpty) {
   const TrackFit fit = FitTracks(0, {});
   EXPECT_TRUE(fit.offsets.empty());
