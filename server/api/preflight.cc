@@ -15,6 +15,7 @@
 #include "server/auth/authenticator.h"
 #include "server/auth/tls.h"
 #include "server/jobs/placement.h"
+#include "server/jobs/webhook.h"
 #include "server/store/data_dir.h"
 #include "server/store/open_stores.h"
 #include "server/worker/hardening.h"
@@ -139,7 +140,9 @@ absl::Status CheckPrograms(const ServerFlags& flags, const std::string& worker_p
     return MakeError(absl::StatusCode::kFailedPrecondition, "DEPTH_MODEL_NOT_FOUND",
                      "--depth-model", absl::StrCat(network.path, " is not there or not readable"));
   }
-  return absl::OkStatus();
+  LITAGS_RETURN_IF_ERROR(CheckWebhookHosts(flags.webhooks.hosts));
+  if (flags.webhook_ca.empty()) return absl::OkStatus();
+  return CheckCertificates(flags.webhook_ca, "--webhook-ca");
 }
 
 bool Preflight(const ServerFlags& flags, const std::string& worker_program) {

@@ -141,6 +141,11 @@ absl::Status CheckPair(const std::vector<Certificate>& chain, EVP_PKEY* key,
 
 }  // namespace
 
+absl::Status CheckCertificates(const std::string& path, std::string_view flag) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string text, ReadPem(path, flag));
+  return ParseCertificates(text, path, flag).status();
+}
+
 absl::StatusOr<TlsMaterial> LoadTls(const TlsOptions& options) {
   if (options.cert.empty() || options.key.empty()) {
     return TlsError("TLS_INCOMPLETE", options.cert.empty() ? "--tls-cert" : "--tls-key",

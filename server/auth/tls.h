@@ -37,7 +37,12 @@ struct TlsMaterial {
 // TLS_CERTIFICATE_EXPIRED.
 absl::StatusOr<TlsMaterial> LoadTls(const TlsOptions& options);
 
-// The same files while the server runs: certificates are renewed under it. Thread-safe and quick.
+// Whether a PEM file holds certificates that can all be read. FAILED_PRECONDITION, with the flag as
+// the field: TLS_FILE_UNREADABLE, TLS_FILE_INVALID.
+absl::Status CheckCertificates(const std::string& path, std::string_view flag);
+
+// The files of TlsOptions while the server runs: certificates are renewed under it. Thread-safe and
+// quick.
 class TlsFiles {
  public:
   // Errors of LoadTls().

@@ -41,12 +41,26 @@ std::string HostOf(std::string_view rest) {
 
 bool IsAllowed(const std::string& host, const std::vector<std::string>& patterns) {
   return std::any_of(patterns.begin(), patterns.end(), [&](const std::string& pattern) {
-    if (pattern == "*" || pattern == host) return true;
-    return pattern.starts_with("*.") && host.ends_with(pattern.substr(1));
+    const std::string lower = absl::AsciiStrToLower(pattern);
+    if (lower == "*" || lower == host) return true;
+    return lower.starts_with("*.") && host.ends_with(lower.substr(1));
   });
 }
 
 }  // namespace
+
+absl::Status CheckWebhookHosts(const std::vector<std::string>& hosts) {
+  for (const std::string& pattern : hosts) {
+    const std::string host = pattern.substr(pattern.starts_with("*.") ? 2 : 0);
+    const bool is_host = !host.empty() && HostOf(host) == absl::AsciiStrToLower(host);
+    if (pattern == "*" || (is_host && host[0] != '.')) continue;
+    return InvalidInput("SETTING_INVALID", "--webhook-hosts",
+                        absl::StrCat("--webhook-hosts: \"", pattern,
+                                     "\" is neither a host, as hooks.example.com, nor \"*.HOST\", "
+                                     "nor \"*\"; give it without https://, port, path and blanks"));
+  }
+  return absl::OkStatus();
+}
 
 absl::Status CheckWebhook(const Webhook& webhook, const WebhookPolicy& policy) {
   const std::string& url = webhook.url;

@@ -25,6 +25,9 @@ struct WebhookPolicy {
   bool internal = false;           // also addresses that are not of the internet, and http
 };
 
+// INVALID_ARGUMENT (SETTING_INVALID): one of WebhookPolicy::hosts is none of these three.
+absl::Status CheckWebhookHosts(const std::vector<std::string>& hosts);
+
 // INVALID_ARGUMENT (WEBHOOK_INVALID): no https URL of at most 500 bytes with a plain host, without
 // user and password, or a secret that has not 16 to 128 bytes. FAILED_PRECONDITION
 // (WEBHOOK_NOT_ALLOWED): the operator does not let webhooks go there.

@@ -33,6 +33,17 @@ TEST(Webhook, GoesWhereTheOperatorLetsIt) {
   EXPECT_EQ(ReasonOf("", {}, ""), "");
 }
 
+TEST(Webhook, HostsOfTheOperatorMayBeCapitalsAndMustBeHosts) {
+  const WebhookPolicy some{{"Hooks.Example.com", "*.Example.ORG"}};
+  EXPECT_EQ(ReasonOf("https://hooks.example.com/", some), "");
+  EXPECT_EQ(ReasonOf("https://a.example.org/", some), "");
+  EXPECT_TRUE(CheckWebhookHosts({"*", "*.example.com", "Hooks.example.com", "10.0.0.1"}).ok());
+  for (const char* host : {"", "*.", "*example.com", ".example.com", "https://example.com",
+                           "example.com:443", "example.com/hook", " example.com", "a b", "*.*"}) {
+    EXPECT_EQ(Reason(CheckWebhookHosts({"*", host})), "SETTING_INVALID") << host;
+  }
+}
+
 TEST(Webhook, WhatIsNoPlainUrlIsRefused) {
   const WebhookPolicy all{{"*"}};
   for (const char* url :

@@ -203,6 +203,16 @@ class Settings(unittest.TestCase):
         code, _, err = run_server("--check", "--print-config")
         self.assertEqual(code, 2, err)
 
+    def test_hosts_and_certificates_of_webhooks_are_read_at_the_start(self):
+        for args, words in ((("--webhook-hosts", "https://hooks.example.com"), "without https://"),
+                            (("--webhook-hosts", "*", "--webhook-ca", "/missing.pem"),
+                             "/missing.pem")):
+            for check in ((), ("--check",)):
+                code, out, err = run_server("--listen", "127.0.0.1:0", "--data", self.data, *args,
+                                            *check)
+                self.assertEqual(code, 1, out + err)
+                self.assertIn(words, out + err)
+
     def test_others_are_not_let_in_by_accident(self):
         for args, words in ((("--listen", "0.0.0.0:0"), "--insecure"),
                             (("--listen", "127.0.0.1:0", "--metrics-listen", "0.0.0.0:0"),
