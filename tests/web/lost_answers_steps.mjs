@@ -51,18 +51,23 @@ async function loseAnswers(path, times) {
   return calls;
 }
 
-await step("a job and its start whose answers are lost", async () => {
-  await newJob("Lost", "a.png", "b.png", "c.png");
-  const made = await loseAnswers(/\/v1\/jobs$/, 1);
-  const started = await loseAnswers(/:start$/, 9);  // as often as the page tries
-  await page.evaluate(() => {  // no pauses between attempts
+// Until the page gives up, without pauses between its attempts.
+async function startInVain() {
+  await page.evaluate(() => {
     window.patient = window.setTimeout;
     window.setTimeout = (what) => window.patient(what, 0);
   });
   await start.click();
   await page.locator(".result").getByText("the server cannot be reached").waitFor();
-  assert.deepEqual([made.length, started.length], [1, 9]);
   await page.evaluate(() => { window.setTimeout = window.patient; });
+}
+
+await step("a job and its start whose answers are lost", async () => {
+  await newJob("Lost", "a.png", "b.png", "c.png");
+  const made = await loseAnswers(/\/v1\/jobs$/, 1);
+  const started = await loseAnswers(/:start$/, 9);  // as often as the page tries
+  await startInVain();
+  assert.deepEqual([made.length, started.length], [1, 9]);
   await start.click();
   await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
   assert.equal(await jobsOf("Lost"), 1);
@@ -80,6 +85,16 @@ await step("a start that is refused, and one more photo", async () => {
   await start.click();
   await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
   while (await jobsOf("Few") > 1) await page.waitForTimeout(50);  // the first one goes
+});
+
+await step("a start whose answer is lost, and another form", async () => {
+  await newJob("Ran", "a.png", "b.png", "c.png");
+  await loseAnswers(/:start$/, 9);
+  await startInVain();
+  await title.fill("Ran too");
+  await start.click();
+  await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
+  assert.deepEqual([await jobsOf("Ran"), await jobsOf("Ran too")], [1, 1]);
 });
 
 await step("titles that the server would not take", async () => {

@@ -53,8 +53,9 @@ async function who(): Promise<void> {
     await call("DELETE", "/v1/session");
     ask();
   };
+  const click = (): void => { leave().catch((error: Error) => notice(error.message)); };
   place.replaceChildren(name ? el("span", {}, `${name} `) : "",
-                        name ? el("button", {type: "button", click: () => void leave().catch((e: Error) => notice(e.message))}, "Leave") : "");
+                        name ? el("button", {type: "button", click}, "Leave") : "");
 }
 
 function ask(keep?: View): void {

@@ -192,22 +192,11 @@ interface Begun {
   createId: string;
   startId: string;
   job?: string;
-  mayRun: boolean;  // its start was sent, and not refused
 }
 
-async function startJob(name: string, begun: Begun): Promise<void> {
-  begun.mayRun = true;
-  try {
-    await post(`/v1/${name}:start`, {requestId: begun.startId});
-  } catch (error) {
-    if ((error as ApiError).reason) begun.mayRun = false;
-    throw error;
-  }
-}
-
-// Removes a job of a form that has changed since, unless it may run.
-function forget({job, mayRun}: Begun): void {
-  if (job && !mayRun) call("DELETE", `/v1/${job}`).catch(() => {});
+// Removes a job of a form that has changed since, unless it was started.
+async function forget({job}: Begun): Promise<void> {
+  if (job && (await get<Job>(`/v1/${job}`)).state === "JOB_STATE_UPLOADING") await call("DELETE", `/v1/${job}`);
 }
 
 export function submitView(): View {
@@ -246,7 +235,7 @@ export function submitView(): View {
     }
   };
   const open = async (job: Job, start: boolean, signal: AbortSignal): Promise<void> => {
-    if (start) await persistently(() => startJob(job.name, begun!), signal);
+    if (start) await persistently(() => post(`/v1/${job.name}:start`, {requestId: begun!.startId}), signal);
     if (!signal.aborted) location.hash = `#/jobs/${idOf(job.name)}`;
   };
   // Sends what the job lacks of `all` and opens it. If some is missing then, the user decides.
@@ -270,13 +259,14 @@ export function submitView(): View {
     const wanted = {displayName: asTitle(title.value) || files.name(), options: options?.read() ?? {}};
     const form = JSON.stringify([wanted, chosen.map(idOfFile)]);
     if (begun && begun.form !== form) replaced.push(begun);
-    const own = begun = begun?.form === form ? begun : {form, createId: newId(), startId: newId(), mayRun: false};
+    const own = begun = begun?.form === form ? begun : {form, createId: newId(), startId: newId()};
     void busy(async (signal) => {
       const job = await persistently(() => post<Job>("/v1/jobs", {...wanted, requestId: own.createId}), signal);
       own.job = job.name;
       if (job.state !== "JOB_STATE_UPLOADING") return open(job, false, signal);  // started before
       await sendRest(job, chosen, chosen, new Map(), start, signal);
-      replaced.splice(0).forEach(forget);  // all that they had, the server has for this one, too
+      // All that they had, the server has for this one, too.
+      for (const other of replaced.splice(0)) forget(other).catch(() => {});
     });
   };
 
