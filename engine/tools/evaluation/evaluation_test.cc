@@ -88,6 +88,7 @@ TEST_F(EvaluationTest, WhatThePhotoDoesNotShowIsNotScored) {
   ImageU8 right = LoadPicture(dir_ + "/truth", view).value(), off = right, other_rim = right;
   ForMasked(shown, [&](size_t i) { other_rim.data[3 * i] ^= 0xff; });
   for (uint8_t& code : off.data) code += 10;
+  ForMasked(shown, [&](size_t i) { off.data[3 * i] ^= 0xff; });
   const auto score = [&](const ImageU8& picture) {
     Scorer scorer(dir_ + "/truth");
     EXPECT_TRUE(scorer.Add(view, picture).ok());
