@@ -1,7 +1,5 @@
 #include "engine/io/image_io.h"
 
-#include <zlib.h>
-
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -55,18 +53,6 @@ absl::StatusOr<ImageInfo> ReadStoredInfo(std::string_view bytes, std::string_vie
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, (*format)->read_info(bytes, field));
   LITAGS_RETURN_IF_ERROR(CheckLimits(info, field, limits));
   return info;
-}
-
-// The PNG with one chunk more, before its image data.
-std::string WithChunk(std::string png, const std::string& type, const std::string& data) {
-  constexpr size_t kHeader = 33;  // signature and IHDR
-  const auto big = [](uint32_t n) {
-    return std::string{char(n >> 24), char(n >> 16), char(n >> 8), char(n)};
-  };
-  const std::string chunk = type + data;
-  const auto crc =
-      static_cast<uint32_t>(crc32_z(0, reinterpret_cast<const Bytef*>(chunk.data()), chunk.size()));
-  return std::move(png.insert(kHeader, big(static_cast<uint32_t>(data.size())) + chunk + big(crc)));
 }
 
 // The picture that EXIF's orientation, 1..8, says is meant; `copy` takes a pixel of the first to
@@ -213,10 +199,10 @@ absl::StatusOr<std::string> EncodePng16(const Photo& photo, int significant_bits
   LITAGS_ASSIGN_OR_RETURN(std::string png, EncodePngCodes(codes.data(), photo.width, photo.height,
                                                           3, PngSpeed::kPhoto));
   if (black > 0) {
-    png = WithChunk(std::move(png), "pCAL", PngCalibration(-black / double(kWhite - black)));
+    png = WithPngChunk(std::move(png), "pCAL", PngCalibration(-black / double(kWhite - black)));
   }
-  return WithChunk(std::move(png), "sBIT",
-                   std::string(3, static_cast<char>(std::min(significant_bits, kPng16Bits))));
+  return WithPngChunk(std::move(png), "sBIT",
+                      std::string(3, static_cast<char>(std::min(significant_bits, kPng16Bits))));
 }
 
 absl::Status WritePng(const std::string& path, const ImageU8& image) {

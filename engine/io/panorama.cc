@@ -3,14 +3,18 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/numbers.h"
 #include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
+#include "engine/io/png_codes.h"
 
 namespace litags {
 namespace {
+
+using std::string_view_literals::operator""sv;
 
 constexpr size_t kMetadataBytes = 512 << 10;  // of XMP, and of the head of a JPEG, where it lies
 constexpr size_t kValueBytes = 32;            // after the name of a property
@@ -97,6 +101,17 @@ std::optional<PanoramaPart> StatedPanorama(std::string_view bytes, int width, in
   return PanoramaPart{x(whole_width), y(whole_height),
                       x(Number(bytes, "GPano:CroppedAreaLeftPixels")),
                       y(Number(bytes, "GPano:CroppedAreaTopPixels"))};
+}
+
+std::string WithStatedPanorama(std::string png) {
+  // A keyword, not deflated, of no language, and XMP.
+  constexpr std::string_view kText(
+      "XML:com.adobe.xmp\0\0\0\0\0"
+      "<x:xmpmeta xmlns:x=\"adobe:ns:meta/\">"
+      "<rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\">"
+      "<rdf:Description rdf:about=\"\" xmlns:GPano=\"http://ns.google.com/photos/1.0/panorama/\""
+      " GPano:ProjectionType=\"equirectangular\"/></rdf:RDF></x:xmpmeta>"sv);
+  return WithPngChunk(std::move(png), "iTXt", std::string(kText));
 }
 
 bool IsClosedAround(const Photo& photo) {

@@ -3,6 +3,7 @@
 #define LITAGS_ENGINE_IO_PANORAMA_H_
 
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "engine/core/photo.h"
@@ -13,6 +14,9 @@ namespace litags {
 // What a file's metadata (XMP, GPano) says of an equirectangular panorama whose photo has this
 // size; nullopt: nothing. Without words of a part it is the whole, if its sides are 2 to 1.
 std::optional<PanoramaPart> StatedPanorama(std::string_view bytes, int width, int height);
+
+// The PNG with the words that all of it is a panorama.
+std::string WithStatedPanorama(std::string png);
 
 // Whether a photo twice as wide as high goes on from its right edge at its left one.
 bool IsClosedAround(const Photo& photo);

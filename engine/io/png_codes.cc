@@ -206,4 +206,15 @@ absl::StatusOr<std::string> EncodePngCodes(const uint16_t* codes, int width, int
   return Encode(reinterpret_cast<const uint8_t*>(codes), {width, height, channels, 65535}, speed);
 }
 
+std::string WithPngChunk(std::string png, const std::string& type, const std::string& data) {
+  constexpr size_t kHeader = 33;  // signature and IHDR
+  const auto big = [](uint32_t n) {
+    return std::string{char(n >> 24), char(n >> 16), char(n >> 8), char(n)};
+  };
+  const std::string chunk = type + data;
+  const auto crc =
+      static_cast<uint32_t>(crc32_z(0, reinterpret_cast<const Bytef*>(chunk.data()), chunk.size()));
+  return std::move(png.insert(kHeader, big(static_cast<uint32_t>(data.size())) + chunk + big(crc)));
+}
+
 }  // namespace litags

@@ -44,6 +44,9 @@ absl::StatusOr<std::string> EncodePngCodes(const uint8_t* codes, int width, int 
 absl::StatusOr<std::string> EncodePngCodes(const uint16_t* codes, int width, int height,
                                            int channels, PngSpeed speed = PngSpeed::kPicture);
 
+// The PNG with one chunk more, before its image data.
+std::string WithPngChunk(std::string png, const std::string& type, const std::string& data);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_IO_PNG_CODES_H_

@@ -8,6 +8,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
+#include "engine/pipeline/wide_photos.h"
 #include "engine/video/testing_video.h"
 
 namespace litags {
@@ -53,6 +54,21 @@ TEST_F(VideoFrames, BecomeThePhotos) {
   EXPECT_EQ(Photos(), 6u);
   EXPECT_THAT(notes_, ElementsAre(HasSubstr("6 of the 40 frames of night.mov (1.3 s)")));
   EXPECT_EQ(said_.front(), "choosing frames of night.mov");
+}
+
+TEST_F(VideoFrames, OfAPanoramaArePanoramas) {
+  TestVideo options;
+  options.container = "matroska";
+  options.sphere = "equirectangular";
+  Write(EncodeVideo(WalkFrames(160, 80, 40, 4), options));
+  const auto photos = Pick();
+  ASSERT_TRUE(photos.ok()) << photos.status();
+  const auto names = ListPhotos(photos->images_dir, "frames");
+  const auto wide = FindWidePhotos(*photos, *names, 1, CancelToken());
+  ASSERT_TRUE(wide.ok()) << wide.status();
+  ASSERT_EQ(wide->photos.size(), 6u);
+  EXPECT_EQ(wide->photos[0].kind, "panorama");
+  EXPECT_EQ(wide->photos[0].views.size(), 6u);
 }
 
 TEST_F(VideoFrames, AreKeptForTheSameVideoAndNumberOnly) {

@@ -1,12 +1,14 @@
 #include "engine/video/pick_frames.h"
 
 #include <chrono>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/io/image_io.h"
+#include "engine/io/panorama.h"
 #include "engine/video/frame_choice.h"
 #include "engine/video/video_file.h"
 
@@ -76,8 +78,8 @@ absl::StatusOr<PickedFrames> PickFrames(std::string_view bytes, const std::strin
       if (!more) return report;  // cannot be: decoding is repeatable
       ++frame;
     }
-    LITAGS_ASSIGN_OR_RETURN(const std::string png,
-                            EncodePng16(video->Picture(), video->info().bits));
+    LITAGS_ASSIGN_OR_RETURN(std::string png, EncodePng16(video->Picture(), video->info().bits));
+    if (video->info().panorama) png = WithStatedPanorama(std::move(png));
     LITAGS_RETURN_IF_ERROR(sink(png));
     ++report.chosen;
     reporter.Say(absl::StrCat("frame ", report.chosen, " of ", chosen.size(), " taken"));

@@ -21,7 +21,8 @@ struct PickedFrames {
 
 // "frame 300 of about 1800 looked at".
 using FrameProgress = std::function<void(const std::string&)>;
-// A chosen frame as PNG of 16 bits; they come in their order. An error ends the picking.
+// A chosen frame as PNG of 16 bits, which says if it is a panorama; they come in their order. An
+// error ends the picking.
 using FrameSink = std::function<absl::Status(const std::string& png)>;
 
 // At most `most` frames (0: as ChooseFrames has it). Errors of VideoFile, of the sink, and

@@ -6,6 +6,7 @@ extern "C" {
 #include <libavutil/channel_layout.h>
 #include <libavutil/opt.h>
 #include <libavutil/pixdesc.h>
+#include <libavutil/spherical.h>
 #include <libswscale/swscale.h>
 }
 
@@ -123,6 +124,14 @@ class Encoder {
       const int32_t values[9] = {side * turn[0], side * turn[1], 0, turn[2], turn[3], 0, 0, 0,
                                  1 << 30};
       std::copy_n(values, 9, matrix);
+    }
+    if (!options_.sphere.empty()) {
+      size_t size = 0;
+      AVSphericalMapping* sphere = av_spherical_alloc(&size);
+      sphere->projection =
+          static_cast<AVSphericalProjection>(av_spherical_from_name(options_.sphere.c_str()));
+      av_stream_add_side_data(stream_, AV_PKT_DATA_SPHERICAL, reinterpret_cast<uint8_t*>(sphere),
+                              size);
     }
     frame_->format = codec_->pix_fmt;
     frame_->colorspace = codec_->colorspace;

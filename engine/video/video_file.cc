@@ -3,6 +3,7 @@
 extern "C" {
 #include <libavutil/display.h>
 #include <libavutil/pixdesc.h>
+#include <libavutil/spherical.h>
 }
 
 #include <algorithm>
@@ -224,7 +225,23 @@ class RealVideoFile : public VideoFile {
     const AVPixFmtDescriptor* pixels =
         av_pix_fmt_desc_get(static_cast<AVPixelFormat>(stream_->codecpar->format));
     if (pixels != nullptr) info_.bits = pixels->comp[0].depth;
+    LITAGS_RETURN_IF_ERROR(CheckProjection());
     return CheckLength(info_.seconds, info_.frames);
+  }
+
+  // Of videos for 360 degrees.
+  absl::Status CheckProjection() {
+    const uint8_t* data = av_stream_get_side_data(stream_, AV_PKT_DATA_SPHERICAL, nullptr);
+    if (data == nullptr) return absl::OkStatus();
+    const AVSphericalProjection projection =
+        reinterpret_cast<const AVSphericalMapping*>(data)->projection;
+    info_.panorama = projection == AV_SPHERICAL_EQUIRECTANGULAR && info_.width == 2 * info_.height;
+    if (info_.panorama) return absl::OkStatus();
+    return Unsupported(absl::StrFormat("is a 360-degree video (%s) of %dx%d px",
+                                       NameOf(av_spherical_projection_name(projection)),
+                                       info_.width, info_.height),
+                       "save it as one equirectangular picture of all directions, twice as wide "
+                       "as high");
   }
 
   absl::Status CheckLength(double seconds, int64_t frames) const {

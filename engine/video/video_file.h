@@ -29,6 +29,7 @@ struct VideoInfo {
   double seconds = 0;         // as the file says; 0: it does not
   int64_t frames = 0;         // as the file says; 0: it does not
   int bits = 8;               // of a channel
+  bool panorama = false;      // a frame is all of the sphere, equirectangular
 };
 
 bool IsVideoName(std::string_view name);
@@ -39,8 +40,8 @@ bool IsVideo(std::string_view bytes);
 // Reads MP4, MOV, Matroska, WebM, AVI and MPEG-TS with H.264, HEVC, AV1, VP8, VP9, MPEG-2, MPEG-4,
 // Motion JPEG or ProRes. Errors are INVALID_ARGUMENT, start with `field`, and carry one of
 // these reasons: VIDEO_NOT_RECOGNIZED, VIDEO_CORRUPT (ends before its table of contents, or cannot
-// be decoded), VIDEO_WITHOUT_PICTURES (sound only), VIDEO_UNSUPPORTED (codec, PQ, interlaced; by
-// name), VIDEO_TOO_LARGE (a frame), VIDEO_TOO_LONG. Not thread-safe.
+// be decoded), VIDEO_WITHOUT_PICTURES (sound only), VIDEO_UNSUPPORTED (codec, PQ, interlaced, parts
+// of a sphere; by name), VIDEO_TOO_LARGE (a frame), VIDEO_TOO_LONG. Not thread-safe.
 class VideoFile {
  public:
   // `bytes` must outlive the file.

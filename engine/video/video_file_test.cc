@@ -142,6 +142,16 @@ TEST(VideoFile, StandsUprightAsAPlayerShowsIt) {
   ExpectCodes(FirstPicture(Video(Corner(), mirrored)), 91, 4, {230, 230, 230}, 3);
 }
 
+TEST(VideoFile, SaysWhetherItIsAPanorama) {
+  TestVideo options = Of("matroska", "libx264");
+  options.sphere = "equirectangular";
+  const std::vector<ImageU8> frames(5, ImageU8(128, 64));
+  const auto file = VideoFile::Open(EncodeVideo(frames, options), "videos[v]");
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_TRUE((*file)->info().panorama);
+  EXPECT_FALSE((*VideoFile::Open(EncodeVideo(frames, {}), "videos[v]"))->info().panorama);
+}
+
 TEST(VideoFile, PixelsBecomeSquare) {
   TestVideo options;
   options.aspect_num = 3;
@@ -265,6 +275,11 @@ TEST(BadVideo, WhatCannotBeShownRightIsRefusedByName) {
   interlaced.interlaced = true;
   EXPECT_THAT(std::string(StatusOf(Video(Corner(), interlaced)).message()),
               AllOf(HasSubstr("interlaced"), HasSubstr("-vf bwdif")));
+  TestVideo cube = Of("matroska", "libx264");
+  cube.sphere = "cubemap";
+  EXPECT_THAT(
+      std::string(StatusOf(Video(Corner(), cube)).message()),
+      AllOf(HasSubstr("360-degree video (cubemap) of 96x64 px"), HasSubstr("twice as wide")));
   const absl::Status codec = StatusOf(Video(Flat(9, 9, 9), Of("avi", "ffv1")));
   EXPECT_EQ(Reason(codec), "VIDEO_UNSUPPORTED");
   EXPECT_THAT(std::string(codec.message()),
