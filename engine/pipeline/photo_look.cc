@@ -37,7 +37,8 @@ std::map<std::string, std::string> Originals(absl::Span<const ScreenedPhoto> pho
 constexpr int kStrip = 3;  // sides
 
 bool IsStrip(const ScreenedPhoto& photo) {
-  return photo.width >= kStrip * photo.height || photo.height >= kStrip * photo.width;
+  return !photo.has_views &&
+         (photo.width >= kStrip * photo.height || photo.height >= kStrip * photo.width);
 }
 
 // At the size that sharpness and detail are measured at.

@@ -21,6 +21,9 @@ struct ScreenedPhoto {
   double sharpness = 0;       // as FrameFacts::sharpness
   PhotoDetail detail;
   std::string pixels;  // fingerprint; empty where all have one colour
+  // Its metadata say what of the sphere it is, so that a run without given cameras takes views of
+  // it.
+  bool has_views = false;
 };
 
 ScreenedPhoto LookAt(std::string name, const Photo& photo);

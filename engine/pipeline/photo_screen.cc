@@ -23,6 +23,7 @@
 #include "engine/pipeline/black_bars.h"
 #include "engine/pipeline/photo_place.h"
 #include "engine/pipeline/photo_progress.h"
+#include "engine/pipeline/wide_photos.h"
 
 namespace litags {
 namespace {
@@ -57,6 +58,7 @@ Decoded Decode(const std::string& dir, const std::string& name, const std::strin
     if (counts.ok()) FillMasked(*counts, &*photo);
   }
   d.photo = LookAt(name, *photo);
+  d.photo.has_views = StatesViews(*bytes, photo->width, photo->height);
   d.blocks = !IsPng(*bytes);
   d.no_end_mark = IsJpeg(*bytes) && LacksJpegEnd(*bytes);
   const auto info = ReadImageInfo(*bytes, PhotoField(name));
@@ -335,6 +337,7 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
     if (cancel.IsCancelled()) return;
     const auto mask = screen.masks.find(names[i]);
     decoded[i] = Decode(input.images_dir, names[i], mask == screen.masks.end() ? "" : mask->second);
+    decoded[i].photo.has_views &= input.cameras_path.empty();
     read.Done(thread);
   });
   LITAGS_RETURN_IF_ERROR(cancel.Check());

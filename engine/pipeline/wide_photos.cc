@@ -245,6 +245,11 @@ absl::StatusOr<WidePhotos> FindWidePhotos(const ReconstructInput& input,
   return wide;
 }
 
+bool StatesViews(std::string_view bytes, int width, int height) {
+  const std::optional<PanoramaPart> part = StatedPanorama(bytes, width, height);
+  return part.has_value() && !ViewsShown(PanoramaLens(width, height, *part)).empty();
+}
+
 bool HasWideFisheye(const SparseModel& cameras) {
   for (size_t i = 0; i < cameras.views.size(); ++i) {
     if (IsWideFisheye(cameras.views[i].camera, cameras.distortions[i])) return true;

@@ -4,6 +4,7 @@
 #define LITAGS_ENGINE_PIPELINE_WIDE_PHOTOS_H_
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -38,6 +39,10 @@ struct WidePhotos {
 absl::StatusOr<WidePhotos> FindWidePhotos(const ReconstructInput& input,
                                           const std::vector<std::string>& names, int threads,
                                           const CancelToken& cancel);
+
+// Whether the metadata of a photo of this size say that it is a panorama, or a part that fills a
+// view.
+bool StatesViews(std::string_view bytes, int width, int height);
 
 // Whether a fisheye among them sees farther than kWidestPinhole.
 bool HasWideFisheye(const SparseModel& cameras);

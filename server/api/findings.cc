@@ -1,5 +1,6 @@
 #include "server/api/findings.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -22,7 +23,7 @@ v1::PhotoFindings ToProto(const PhotoFindings& findings) {
   return proto;
 }
 
-ScreenedPhoto LookOf(const FileRecord& file, const PhotoFindings& findings) {
+ScreenedPhoto LookOf(const FileRecord& file, const PhotoFindings& findings, bool with_cameras) {
   return {.name = file.name,
           .width = file.width,
           .height = file.height,
@@ -31,7 +32,8 @@ ScreenedPhoto LookOf(const FileRecord& file, const PhotoFindings& findings) {
           .structure = findings.structure,
           .sharpness = findings.sharpness,
           .detail = {.fine = findings.fine_detail, .coarse = findings.coarse_detail},
-          .pixels = findings.pixels};
+          .pixels = findings.pixels,
+          .has_views = findings.has_views != 0 && !with_cameras};
 }
 
 }  // namespace
@@ -39,12 +41,15 @@ ScreenedPhoto LookOf(const FileRecord& file, const PhotoFindings& findings) {
 std::map<std::string, v1::PhotoFindings> FindingsOf(absl::Span<const FileRecord> files) {
   std::map<std::string, v1::PhotoFindings> found;
   std::vector<ScreenedPhoto> photos;
+  const bool with_cameras = std::any_of(files.begin(), files.end(), [](const FileRecord& file) {
+    return file.role == FileRole::kCameras || file.role == FileRole::kColmap;
+  });
   for (const FileRecord& file : files) {
     if (file.role != FileRole::kPhoto) continue;
     const std::optional<PhotoFindings> findings = ParsePhotoFindings(file.about);
     if (!findings) continue;
     found[file.name] = ToProto(*findings);
-    photos.push_back(LookOf(file, *findings));
+    photos.push_back(LookOf(file, *findings, with_cameras));
   }
   const double middle = MiddleOf(photos, &ScreenedPhoto::light);
   const double middle_sharpness = MiddleOf(photos, &ScreenedPhoto::sharpness);

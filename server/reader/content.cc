@@ -6,6 +6,7 @@
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/photo_look.h"
+#include "engine/pipeline/wide_photos.h"
 #include "engine/video/video_file.h"
 #include "server/reader/file_findings.h"
 
@@ -17,10 +18,18 @@ absl::StatusOr<Content> CheckPhoto(std::string_view bytes, const std::string& fi
   LITAGS_ASSIGN_OR_RETURN(const Photo photo, DecodePhoto(bytes, field));
   LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ReadImageInfo(bytes, field));
   const ScreenedPhoto look = LookAt("", photo);
-  const PhotoFindings findings{info.focal_length,  info.exposure_time, info.iso,
-                               info.f_number,      look.mean_code,     look.light,
-                               look.structure,     look.sharpness,     look.detail.fine,
-                               look.detail.coarse, look.pixels};
+  const PhotoFindings findings{info.focal_length,
+                               info.exposure_time,
+                               info.iso,
+                               info.f_number,
+                               look.mean_code,
+                               look.light,
+                               look.structure,
+                               look.sharpness,
+                               look.detail.fine,
+                               look.detail.coarse,
+                               double(StatesViews(bytes, photo.width, photo.height)),
+                               look.pixels};
   return Content{photo.width, photo.height, Encode(findings)};
 }
 

@@ -15,7 +15,7 @@ namespace litags {
 namespace {
 
 // The first word of the line. Another order or meaning of the others gets another.
-constexpr char kPhotoVersion[] = "3", kVideoVersion[] = "video1";
+constexpr char kPhotoVersion[] = "4", kVideoVersion[] = "video1";
 constexpr char kOneColor[] = "-";  // instead of a fingerprint
 constexpr size_t kMaxFingerprint = 16;
 constexpr double kMaxNumber = 1e9;
@@ -25,7 +25,7 @@ template <typename Findings>
 auto NumbersOfPhoto(Findings& f) {
   return std::array{&f.focal_length, &f.exposure_time, &f.iso,       &f.f_number,
                     &f.mean_code,    &f.light,         &f.structure, &f.sharpness,
-                    &f.fine_detail,  &f.coarse_detail};
+                    &f.fine_detail,  &f.coarse_detail, &f.has_views};
 }
 
 std::vector<std::string> Words(std::string_view about) {

@@ -13,6 +13,7 @@ struct PhotoFindings {
   double focal_length = 0, exposure_time = 0, iso = 0, f_number = 0;
   // As ScreenedPhoto has them.
   double mean_code = 0, light = 0, structure = 0, sharpness = 0, fine_detail = 0, coarse_detail = 0;
+  double has_views = 0;  // 0 or 1
   std::string pixels;
 };
 

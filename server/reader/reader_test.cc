@@ -123,26 +123,27 @@ TEST(Channel, TheLastWordsOfAnEndThatClosesBeforeItHasReadAllAreReceived) {
 }
 
 TEST(PhotoFindings, ComeBackAsTheyWereWritten) {
-  const PhotoFindings wrote{35,   1 / 30.0,          800, 1.8, 12.25, -0.001, 0.5, 0.25, 0.4,
-                            0.01, "0123456789abcdef"};
+  const PhotoFindings wrote{35,  1 / 30.0, 800, 1.8,  12.25, -0.001,
+                            0.5, 0.25,     0.4, 0.01, 1,     "0123456789abcdef"};
   const auto read = ParsePhotoFindings(Encode(wrote));
   ASSERT_TRUE(read.has_value());
   EXPECT_EQ(Encode(*read), Encode(wrote));
   EXPECT_EQ(read->focal_length, 35);
   EXPECT_EQ(read->light, -0.001);
+  EXPECT_EQ(read->has_views, 1);
   EXPECT_EQ(ParsePhotoFindings(Encode(PhotoFindings{}))->pixels, "");
 }
 
 TEST(PhotoFindings, OfAProcessThatWasTakenOverAreChecked) {
-  const std::string good = "3 35 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 0123456789abcdef";
+  const std::string good = "4 35 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 0 0123456789abcdef";
   EXPECT_TRUE(ParsePhotoFindings(good).has_value());
-  for (const char* bad : {"", "3", "2 35 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 0123456789abcdef",
-                          "3 nan 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 -",
-                          "3 1e99 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 -",
-                          "3 x 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 -",
-                          "3 35 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 <b>",
-                          "3 35 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 - -",
-                          "3 35 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01"}) {
+  for (const char* bad : {"", "4", "2 35 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 0 0123456789abcdef",
+                          "4 nan 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 0 -",
+                          "4 1e99 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 0 -",
+                          "4 x 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 0 -",
+                          "4 35 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 0 <b>",
+                          "4 35 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 0 - -",
+                          "4 35 0.03 800 1.8 12 0.004 0.5 0.2 0.4 0.01 0"}) {
     EXPECT_FALSE(ParsePhotoFindings(bad).has_value()) << bad;
   }
 }

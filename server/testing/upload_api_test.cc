@@ -16,6 +16,7 @@
 #include "engine/io/depth_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
+#include "engine/io/png_codes.h"
 #include "engine/video/testing_video.h"
 #include "proto/litags/v1/limits.h"
 #include "server/testing/api_fixture.h"
@@ -78,9 +79,15 @@ TEST_F(UploadApi, FilesTellWhatWasFoundInPhotosAndWhichAreLeftOut) {
   ImageU8 light = TestPhoto(), grey(64, 48);
   for (uint8_t& sample : light.data) sample *= 4;
   std::fill(grey.data.begin(), grey.data.end(), uint8_t{20});
+  const std::string strip =
+      WithPngChunk(TestPng(256, 64), "tEXt",
+                   "of GPano:ProjectionType=\"equirectangular\" GPano:FullPanoWidthPixels=\"256\" "
+                   "GPano:FullPanoHeightPixels=\"128\" GPano:CroppedAreaImageWidthPixels=\"256\" "
+                   "GPano:CroppedAreaImageHeightPixels=\"64\" GPano:CroppedAreaTopPixels=\"32\"");
   const std::string job = NewJob();
   ASSERT_TRUE(client_
                   .Upload(job, {{"a.png", TestPng()},
+                                {"s.png", strip},
                                 {"a copy.png", TestPng()},
                                 {"b.png", TestPng(64, 48, 1)},
                                 {"c.png", *EncodePng(light)},
@@ -99,6 +106,7 @@ TEST_F(UploadApi, FilesTellWhatWasFoundInPhotosAndWhichAreLeftOut) {
   }
   EXPECT_EQ(found["a copy.png"].left_out(), "is the same photo as a.png");
   EXPECT_EQ(found["a.png"].left_out(), "");
+  EXPECT_EQ(found["s.png"].left_out(), "");
   EXPECT_THAT(found["d.png"].left_out(), HasSubstr("one colour"));
   EXPECT_GT(found["c.png"].stops(), 2);
   EXPECT_NEAR(found["d.png"].mean_code(), 20, 0.1);

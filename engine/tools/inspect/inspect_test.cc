@@ -103,21 +103,40 @@ TEST_F(Inspect, ALinkToAPhotoThatIsGoneIsLeftOutByName) {
   EXPECT_THAT(text_, HasSubstr("p9.jpg is left out"));
 }
 
+// As phones write of a part of a panorama.
+std::string WithPart(const std::string& jpeg, const std::string& part) {
+  const std::string text = std::string("http://ns.adobe.com/xap/1.0/\0", 29) +
+                           "GPano:ProjectionType=\"equirectangular\" " + part;
+  const size_t length = text.size() + 2;
+  return jpeg.substr(0, 2) + "\xFF\xE1" + static_cast<char>(length >> 8) +
+         static_cast<char>(length & 0xFF) + text + jpeg.substr(2);
+}
+
 // 22.5 degrees across.
 TEST_F(Inspect, ASmallPartOfAPanoramaIsAPhoto) {
-  const std::string text =
-      std::string("http://ns.adobe.com/xap/1.0/\0", 29) +
-      "GPano:ProjectionType=\"equirectangular\" "
-      "GPano:FullPanoWidthPixels=\"5120\" GPano:FullPanoHeightPixels=\"2560\" "
-      "GPano:CroppedAreaImageWidthPixels=\"320\" "
-      "GPano:CroppedAreaImageHeightPixels=\"240\" "
-      "GPano:CroppedAreaLeftPixels=\"2400\" GPano:CroppedAreaTopPixels=\"1160\"";
-  const std::string jpeg = ReadFile(photos_ + "/p0.jpg", "", 1 << 20).value();
-  const size_t length = text.size() + 2;
-  Write("p0.jpg", jpeg.substr(0, 2) + "\xFF\xE1" + static_cast<char>(length >> 8) +
-                      static_cast<char>(length & 0xFF) + text + jpeg.substr(2));
+  Write("p0.jpg",
+        WithPart(ReadFile(photos_ + "/p0.jpg", "", 1 << 20).value(),
+                 "GPano:FullPanoWidthPixels=\"5120\" GPano:FullPanoHeightPixels=\"2560\" "
+                 "GPano:CroppedAreaImageWidthPixels=\"320\" "
+                 "GPano:CroppedAreaImageHeightPixels=\"240\" "
+                 "GPano:CroppedAreaLeftPixels=\"2400\" GPano:CroppedAreaTopPixels=\"1160\""));
   ASSERT_EQ(Run({photos_}), 0) << text_;
   EXPECT_THAT(text_, HasSubstr("5 photos would be used, 1 is left out"));
+}
+
+TEST_F(Inspect, AStripThatTellsItsPartOfAPanoramaIsUsed) {
+  ImageU8 strip(640, 80);
+  for (size_t i = 0; i < strip.data.size(); ++i) {
+    strip.data[i] = static_cast<uint8_t>(20 + (i / 3 * 2654435761u >> 8) % 60);
+  }
+  Write("p0.jpg", WithPart(EncodeJpeg(strip).value(),
+                           "GPano:FullPanoWidthPixels=\"640\" GPano:FullPanoHeightPixels=\"320\" "
+                           "GPano:CroppedAreaImageWidthPixels=\"640\" "
+                           "GPano:CroppedAreaImageHeightPixels=\"80\" "
+                           "GPano:CroppedAreaLeftPixels=\"0\" GPano:CroppedAreaTopPixels=\"120\""));
+  ASSERT_EQ(Run({photos_}), 0) << text_;
+  EXPECT_THAT(text_, HasSubstr("part of a panorama: 4 views"));
+  EXPECT_THAT(text_, HasSubstr("5 photos would be used, as 8 views, 1 is left out"));
 }
 
 TEST_F(Inspect, NamesInUtf8KeepTheColumns) {
