@@ -59,10 +59,11 @@ Decoded Decode(const std::string& dir, const std::string& name, const std::strin
   }
   d.photo = LookAt(name, *photo);
   d.photo.has_views = StatesViews(*bytes, photo->width, photo->height);
-  d.blocks = !IsPng(*bytes);
   d.no_end_mark = IsJpeg(*bytes) && LacksJpegEnd(*bytes);
   const auto info = ReadImageInfo(*bytes, PhotoField(name));
   if (!info.ok()) return d;
+  // A PNG of fewer bits than it has room for was made of another file, as of a video's frame.
+  d.blocks = !IsPng(*bytes) || SignificantBits(*info) < info->bit_depth;
   const PlaneU8 alpha = AlphaMask(*bytes, info->orientation);
   if (alpha.empty()) return d;
   absl::StatusOr<std::string> png = EncodeMask(alpha);
