@@ -83,8 +83,10 @@ absl::Status EnterWal(sqlite3* db, int busy_timeout_ms) {
 
 absl::StatusOr<std::unique_ptr<SqliteConnection>> SqliteConnection::Open(const std::string& path,
                                                                          int busy_timeout_ms) {
-  // A new file is for its owner only, and so are those that SQLite puts beside it.
-  if (const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600); fd >= 0) close(fd);
+  // A new file is for its owner only, and so are those that SQLite puts beside it. One that is
+  // there is not opened: closing it would end the locks of this process's other connections.
+  const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (fd >= 0) close(fd);
   sqlite3* db = nullptr;
   const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX;
   const int result = sqlite3_open_v2(path.c_str(), &db, flags, nullptr);

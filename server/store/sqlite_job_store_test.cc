@@ -1,5 +1,8 @@
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -75,6 +78,30 @@ TEST_F(SqliteJobStoreTest, IsReachableOnlySinceAWriteSucceededAgain) {
   EXPECT_TRUE(absl::IsNotFound(store->Get("none").status()));
   ASSERT_TRUE(write().ok());
   EXPECT_EQ(store->ReachableSinceMs(), since_ms);
+}
+
+// Else another process that ends takes itself for the last one, and removes the log of all.
+TEST_F(SqliteJobStoreTest, OpeningTheFileAgainKeepsTheLocksOfTheFirstConnection) {
+  const std::string path = dir_.path() + "/jobs.db";
+  const auto store = *OpenSqliteJobStore(path);
+  ASSERT_TRUE(store->PutWorker({"w", 1, ""}).ok());
+  const auto is_locked = [&] {
+    const pid_t other = fork();
+    if (other == 0) {
+      struct flock lock = {};
+      lock.l_type = F_WRLCK;
+      lock.l_start = 0x40000002;  // SHARED_FIRST and SHARED_SIZE of SQLite's file format
+      lock.l_len = 510;
+      const int fd = open(path.c_str(), O_RDWR | O_CLOEXEC);
+      _exit(fcntl(fd, F_GETLK, &lock) == 0 && lock.l_type != F_UNLCK ? 1 : 0);
+    }
+    int status = 0;
+    waitpid(other, &status, 0);
+    return WIFEXITED(status) && WEXITSTATUS(status) == 1;
+  };
+  EXPECT_TRUE(is_locked());
+  ASSERT_TRUE(SqliteConnection::Open(path).ok());
+  EXPECT_TRUE(is_locked());
 }
 
 TEST_F(SqliteJobStoreTest, CommitsAreSyncedInWalMode) {
