@@ -160,33 +160,6 @@ std::string NameThatWasSent(const ReconstructInput& input, const std::string& ph
   return view == input.rig_views.end() ? photo : view->second.rig;
 }
 
-// Maps of no photo would leave the depth loss off.
-absl::Status CheckMapsFit(const ReconstructInput& input) {
-  LITAGS_RETURN_IF_ERROR(MakeFolderDepthProvider(input.depth_dir).status());
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
-                          ListPhotos(input.images_dir, "images"));
-  bool any = false;
-  for (const std::string& photo : photos) {
-    const std::string path = FindDepthMap(input.depth_dir, Stem(photo));
-    if (path.empty()) continue;
-    any = true;
-    const DepthSize map = ReadDepthSize(path);
-    const auto size = ReadImageSize(PhotoPath(input, photo), PhotoField(photo));
-    if (map.width == 0 || !size.ok()) continue;  // whoever needs it says why
-    LITAGS_RETURN_IF_ERROR(CheckDepthShape(map.width, map.height, size->width, size->height,
-                                           absl::StrCat("depth/", BaseName(path))));
-  }
-  if (any) return absl::OkStatus();
-  const std::string& first = photos.front();
-  const std::string sent = NameThatWasSent(input, first);
-  return InvalidInput(
-      "DEPTH_MAP_WITHOUT_PHOTO", "depth_dir",
-      absl::StrCat("depth folder '", input.depth_dir, "' has no map of any photo; ",
-                   sent == first ? "name maps as their photos"
-                                 : sent + " is learnt as several views: give maps of these",
-                   ", as ", Stem(first), ".png, .pfm or .npy, or choose another depth source"));
-}
-
 // Maps of no photo of the training, as of fisheyes, which became views once their cameras were
 // found.
 absl::StatusOr<DepthOrigin> OriginFor(const Context& context,
@@ -307,6 +280,32 @@ DepthOrigin ResolveDepthOrigin(const Recipe& recipe, const ReconstructOptions& o
   if (!recipe.use_depth || !recipe.lita) return DepthOrigin::kNone;
   if (options.depth_source != DepthOrigin::kAuto) return options.depth_source;
   return input.depth_dir.empty() ? DepthOrigin::kStereo : DepthOrigin::kMaps;
+}
+
+absl::Status CheckMapsFit(const ReconstructInput& input) {
+  LITAGS_RETURN_IF_ERROR(MakeFolderDepthProvider(input.depth_dir).status());
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
+                          ListPhotos(input.images_dir, "images"));
+  bool any = false;
+  for (const std::string& photo : photos) {
+    const std::string path = FindDepthMap(input.depth_dir, Stem(photo));
+    if (path.empty()) continue;
+    any = true;
+    const DepthSize map = ReadDepthSize(path);
+    const auto size = ReadImageSize(PhotoPath(input, photo), PhotoField(photo));
+    if (map.width == 0 || !size.ok()) continue;  // whoever needs it says why
+    LITAGS_RETURN_IF_ERROR(CheckDepthShape(map.width, map.height, size->width, size->height,
+                                           absl::StrCat("depth/", BaseName(path))));
+  }
+  if (any) return absl::OkStatus();
+  const std::string& first = photos.front();
+  const std::string sent = NameThatWasSent(input, first);
+  return InvalidInput(
+      "DEPTH_MAP_WITHOUT_PHOTO", "depth_dir",
+      absl::StrCat("depth folder '", input.depth_dir, "' has no map of any photo; ",
+                   sent == first ? "name maps as their photos"
+                                 : sent + " is learnt as several views: give maps of these",
+                   ", as ", Stem(first), ".png, .pfm or .npy, or choose another depth source"));
 }
 
 absl::Status CheckDepthSource(const Context& context) {

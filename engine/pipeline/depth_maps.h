@@ -35,9 +35,12 @@ inline DepthOrigin ResolveDepthOrigin(const Context& context) {
   return ResolveDepthOrigin(context.recipe, context.options, context.input);
 }
 
+// If the maps in input.depth_dir cannot be those of the photos, by their names and shapes:
+// DEPTH_MAP_WITHOUT_PHOTO where none is of a photo, DEPTH_MAP_SIZE, DEPTH_FOLDER_MISSING.
+absl::Status CheckMapsFit(const ReconstructInput& input);
+
 // If the source has nothing to work with, before the cameras are searched for: INVALID_ARGUMENT
-// (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING, DEPTH_MAP_WITHOUT_PHOTO where no map is of a photo,
-// DEPTH_MAP_SIZE), NOT_FOUND (DEPTH_FOLDER_MISSING).
+// (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING), errors of CheckMapsFit.
 absl::Status CheckDepthSource(const Context& context);
 
 using DepthMaps = std::vector<std::optional<DepthMap>>;

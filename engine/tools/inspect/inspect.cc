@@ -17,7 +17,10 @@
 #include "engine/core/machine_memory.h"
 #include "engine/core/parallel.h"
 #include "engine/io/cameras_io.h"
+#include "engine/io/depth_io.h"
+#include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/given_cameras.h"
 #include "engine/pipeline/memory_estimate.h"
 #include "engine/pipeline/photo_screen.h"
@@ -114,6 +117,24 @@ std::string CamerasNearby(const ReconstructInput& input) {
   return "";
 }
 
+// Reads the depth maps of the photos: "depth maps: 4 of 5 photos have one". Errors of CheckMapsFit
+// and of maps.
+absl::StatusOr<std::string> DescribeDepthMaps(const ReconstructInput& input,
+                                              const std::vector<ScreenedPhoto>& photos,
+                                              const CancelToken& cancel) {
+  LITAGS_RETURN_IF_ERROR(CheckMapsFit(input));
+  size_t maps = 0;
+  for (const ScreenedPhoto& photo : photos) {
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
+    const std::string path = FindDepthMap(input.depth_dir, Stem(photo.name));
+    if (path.empty()) continue;
+    LITAGS_RETURN_IF_ERROR(ReadDepthMap(path, absl::StrCat("depth/", BaseName(path))).status());
+    ++maps;
+  }
+  return absl::StrCat("depth maps: ", maps, " of ", Counted(photos.size(), "photo"),
+                      maps == 1 ? " has one\n" : " have one\n");
+}
+
 }  // namespace
 
 absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptions& options,
@@ -140,6 +161,13 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
   const PhotoScreen used =
       input.cameras_path.empty() ? screen : LeaveOutWithoutCamera(screen, with_camera);
   const std::vector<ScreenedPhoto> views = WithViews(used.photos, wide_by_name);
+  std::string depth;
+  if (!input.depth_dir.empty() && !used.photos.empty()) {
+    depth = "depth maps: not looked at, since they are of the views\n";
+    if (wide.photos.empty()) {
+      LITAGS_ASSIGN_OR_RETURN(depth, DescribeDepthMaps(input, used.photos, cancel));
+    }
+  }
   const std::string thumbnails = sheet.empty() ? "" : input.work_dir + "/thumbnails";
   std::error_code ignored;  // writing the sheet says what is wrong
   if (!sheet.empty()) {
@@ -173,7 +201,7 @@ absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptio
   absl::StrAppend(text, DescribeCounts(used, views.size()), "; ",
                   input.cameras_path.empty() ? "cameras would be searched for"
                                              : absl::StrCat("cameras: ", input.cameras_path),
-                  "\n", DescribeMemory(views, options, maps, MachineMemory()), "\n");
+                  "\n", depth, DescribeMemory(views, options, maps, MachineMemory()), "\n");
   for (const auto& notes : {screen.notes, DescribeWidePhotos(wide.photos), DescribeUnused(input)}) {
     for (const std::string& note : notes) absl::StrAppend(text, "note: ", note, "\n");
   }

@@ -15,8 +15,9 @@ namespace litags {
 // the middle photo, sharpness beside the middle photo's, mask, camera), those left out and why, and
 // what else there is to know, as the memory that a run with `options` takes. Writes found masks
 // under work_dir, and, if `sheet` is not empty, a picture of all photos there (PNG, or JPEG by its
-// ending). Errors of CheckHoldsPhotos, ScreenPhotos and ReadGivenCameras; with the text all the
-// same, of a sheet that cannot be written, and TOO_FEW_PHOTOS as a run has it.
+// ending). Errors of CheckHoldsPhotos, ScreenPhotos, ReadGivenCameras, CheckMapsFit and
+// ReadDepthMap; with the text all the same, of a sheet that cannot be written, and TOO_FEW_PHOTOS
+// as a run has it.
 absl::Status InspectFolder(const ReconstructInput& input, const ReconstructOptions& options,
                            const std::string& sheet, const CancelToken& cancel, std::string* text);
 

@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Arguments {
-  std::string dir, cameras, masks, sheet;
+  std::string dir, cameras, masks, depth, sheet;
   int frames = 0;
   ReconstructOptions options;  // that a run would have
 };
@@ -31,6 +31,7 @@ void AddOptions(CLI::App* app, Arguments* args) {
                   "OpenMVG, Meshroom, Metashape or Bundler");
   app->add_option("--masks", args->masks,
                   "Folder with masks of photos; default: DIR/masks, if there is one");
+  app->add_option("--depth", args->depth, "Folder with depth maps of photos");
   app->add_option("--frames", args->frames, "At most so many frames of a video; 0: by its motion")
       ->check(Between(0, 2000));
   app->add_option("--contact-sheet", args->sheet,
@@ -42,14 +43,14 @@ void AddOptions(CLI::App* app, Arguments* args) {
 // What a run would read. `work_dir` takes what is found only for the inspection.
 absl::StatusOr<ReconstructInput> FindInput(Arguments args, const std::string& work_dir) {
   LITAGS_RETURN_IF_ERROR(CheckVideoIsThere(args.dir));
-  std::string depth;  // is not looked at
   LITAGS_RETURN_IF_ERROR(
-      UseDatasetFolder(/*with_cameras=*/true, &args.dir, &args.cameras, &args.masks, &depth));
+      UseDatasetFolder(/*with_cameras=*/true, &args.dir, &args.cameras, &args.masks, &args.depth));
   ReconstructInput input;
   input.work_dir = work_dir;
   input.images_dir = args.dir;
   input.cameras_path = args.cameras;
   input.masks_dir = args.masks;
+  input.depth_dir = args.depth;
   UseMasksBeside(input.images_dir, &input.masks_dir);
   input.frame_program = OwnPickFramesProgram();
   if (IsVideoFile(args.dir)) input.video_path = args.dir;

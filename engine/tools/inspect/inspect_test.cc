@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/subprocess.h"
 #include "engine/io/colmap_io.h"
+#include "engine/io/depth_io.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -80,6 +81,26 @@ class Inspect : public testing::Test {
   const std::string photos_ = dir_ / "photos";
   std::string text_;
 };
+
+TEST_F(Inspect, ReadsDepthMapsAsARunDoes) {
+  const std::string maps = dir_ / "maps";
+  fs::create_directory(maps);
+  EXPECT_EQ(Run({photos_, "--depth", maps}), 2);
+  EXPECT_THAT(text_, HasSubstr("DEPTH_MAP_WITHOUT_PHOTO"));
+  Planes ramp(1, 240, 320);
+  for (size_t i = 0; i < ramp.data.size(); ++i) ramp.data[i] = 1 + 0.01f * static_cast<float>(i);
+  ASSERT_TRUE(WritePfm(maps + "/p0.pfm", ramp).ok());
+  ASSERT_TRUE(WritePfm(maps + "/p3.pfm", ramp).ok());
+  EXPECT_EQ(Run({photos_, "--depth", maps}), 0);
+  EXPECT_THAT(text_, HasSubstr("\ndepth maps: 2 of 5 photos have one\n"));
+  ASSERT_TRUE(WriteFileAtomically(maps + "/p1.png", EncodeMask(PlaneU8(320, 240)).value()).ok());
+  EXPECT_EQ(Run({photos_, "--depth", maps}), 2);
+  EXPECT_THAT(text_, HasSubstr("DEPTH_BITS"));
+  fs::remove(maps + "/p1.png");
+  ASSERT_TRUE(WritePfm(maps + "/p1.pfm", Planes(1, 100, 320)).ok());
+  EXPECT_EQ(Run({photos_, "--depth", maps}), 2);
+  EXPECT_THAT(text_, HasSubstr("DEPTH_MAP_SIZE"));
+}
 
 TEST_F(Inspect, SaysWhatWouldBeUsedAndWhatNot) {
   ASSERT_EQ(Run({photos_}), 0) << text_;
