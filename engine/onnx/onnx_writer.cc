@@ -56,4 +56,14 @@ std::string OnnxWriter::Bytes() const {
          WireBytes(8, WireBytes(1, "") + WireNumber(2, 11 /* opset */));
 }
 
+std::string SquaredDifferenceModel(int height, int width) {
+  OnnxWriter model;
+  for (const char* name : {"in0", "in1"}) model.AddInput(name, {1, 3, height, width});
+  model.AddNode("Sub", {"in0", "in1"}, "d");
+  model.AddNode("Mul", {"d", "d"}, "s");
+  model.AddNode("ReduceMean", {"s"}, "y", {{"axes", {1, 2, 3}}}, {{"keepdims", 1}});
+  model.AddOutput("y", {1, 1, 1, 1});
+  return model.Bytes();
+}
+
 }  // namespace litags

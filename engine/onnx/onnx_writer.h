@@ -30,6 +30,9 @@ class OnnxWriter {
   std::string nodes_, constants_, inputs_, outputs_;
 };
 
+// The mean squared difference of two pictures, which stands in for LPIPS.
+std::string SquaredDifferenceModel(int height, int width);
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_ONNX_ONNX_WRITER_H_

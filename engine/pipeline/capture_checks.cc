@@ -9,7 +9,6 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/render/renderer.h"
-#include "engine/target/capture_light.h"
 
 namespace litags {
 namespace {
@@ -55,18 +54,6 @@ std::optional<std::array<uint8_t, 3>> FlatColor(const Photo& photo, const PlaneU
     codes[c] = static_cast<uint8_t>(std::clamp(std::lround(color[c] / kPhotoCode), 0L, 255L));
   }
   return codes;
-}
-
-bool IsBlack(const Photo& photo, const PlaneU8& mask, Tone rule) {
-  if (rule == Tone::kNone) return false;
-  // The paper's targets are of 8-bit codes.
-  const auto most =
-      rule == Tone::kPaper ? static_cast<int16_t>(kPhotoCode / 2) : int16_t{kBlackSample};
-  bool black = true;
-  ForCounted(mask, photo.pixels(), [&](size_t i) {
-    for (size_t k = 3 * i; k < 3 * i + 3; ++k) black = black && photo.data[k] <= most;
-  });
-  return black;
 }
 
 PhotoDarkness MeasureDarkness(const Photo& photo, const PlaneU8& mask, const ImageInfo& info) {

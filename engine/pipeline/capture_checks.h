@@ -14,7 +14,6 @@
 #include "engine/core/photo.h"
 #include "engine/io/image_io.h"
 #include "engine/io/sparse_model.h"
-#include "engine/target/tone_options.h"
 
 namespace litags {
 
@@ -22,10 +21,6 @@ namespace litags {
 // colour throughout, but for a thousandth of its pixels (JPEG and dust in a black photo). Only
 // pixels that count by its mask are looked at, of which there is one or more.
 std::optional<std::array<uint8_t, 3>> FlatColor(const Photo& photo, const PlaneU8& mask = {});
-
-// Whether a target cannot be made of a photo, since no pixel that counts has any light
-// (MakeTargets).
-bool IsBlack(const Photo& photo, const PlaneU8& mask, Tone rule);
 
 // What a photo's file cannot tell.
 struct PhotoDarkness {

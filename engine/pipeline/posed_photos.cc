@@ -31,6 +31,7 @@
 #include "engine/pipeline/wide_views.h"
 #include "engine/target/noise_floor.h"
 #include "engine/target/shadow_color.h"
+#include "engine/target/tone.h"
 
 namespace litags {
 namespace {
@@ -89,7 +90,7 @@ struct OnePhoto {
   PlaneU8 mask;
   std::string source;                          // as PosedPhotos has it
   PhotoDarkness darkness;                      // as the camera wrote it
-  NoiseLevels written, undistorted;            // as the camera wrote it; at the size of training
+  NoiseLevels written, resized;                // as the camera wrote it; at the size of training
   double stated_exposure = 0;                  // as StatedExposure has it
   double code_step = 1;                        // as CodeStep has it
   bool rim_masked = false;                     // the pinhole picture shows more than the photo
@@ -212,7 +213,7 @@ absl::StatusOr<std::vector<OnePhoto>> LoadPhotos(const Context& context, const M
       v.flat = FlatColor(v.photo, v.mask);
       if (v.flat.has_value()) return absl::OkStatus();
       const double shrunk = Shrink(options.max_image_side, &v);
-      v.undistorted = NoiseLevels(v.photo, v.mask);
+      v.resized = NoiseLevels(v.photo, v.mask);
       bool black = IsBlack(v.photo, v.mask, context.recipe.tone.rule);
       if (shadows.has_value()) {
         v.photo = shadows->Infer(v.photo, v.mask, shrunk);
@@ -232,7 +233,7 @@ void TakePhotos(const Context& context, std::vector<OnePhoto> photos, PosedPhoto
   const SparseModel& model = posed->model;
   int shrunk = 0, rims = 0;
   std::vector<PhotoDarkness> darkness;
-  NoiseLevels written, undistorted;
+  NoiseLevels written, resized;
   for (size_t i = 0; i < photos.size(); ++i) {
     if (photos[i].flat.has_value()) {
       const auto& [r, g, b] = *photos[i].flat;
@@ -252,13 +253,13 @@ void TakePhotos(const Context& context, std::vector<OnePhoto> photos, PosedPhoto
     posed->sources.push_back(std::move(photos[i].source));
     darkness.push_back(photos[i].darkness);
     written.Add(photos[i].written);
-    undistorted.Add(photos[i].undistorted);
+    resized.Add(photos[i].resized);
     posed->stated_exposures.push_back(photos[i].stated_exposure);
     posed->code_step = std::max(posed->code_step, photos[i].code_step);
   }
   posed->noise_floor = written.Floor();
-  if (undistorted.Variance() > 0) {
-    posed->noise_kept = std::min(1.0, std::sqrt(undistorted.Variance() / written.Variance()));
+  if (resized.Variance() > 0) {
+    posed->noise_kept = std::min(1.0, std::sqrt(resized.Variance() / written.Variance()));
   }
   if (!darkness.empty()) NoteDarkness(posed->views, darkness, &context.report->notes);
   if (rims > 0) {

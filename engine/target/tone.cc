@@ -79,17 +79,10 @@ Photo ApplyToCodes(const ImageU8& photo, const Curve& curve) {
   return PhotoFromU8(out);
 }
 
-absl::Status BlackImage() {
-  return InvalidInput("BLACK_IMAGE", "image",
-                      "tone: every pixel of the photo is 0, no gain can brighten it; leave it out "
-                      "or expose longer");
-}
-
 // LITA-GS Eq. 11: theta / mean(I_in) * I_in.
-absl::StatusOr<ToneTarget> PaperTarget(const Photo& photo, const PlaneU8& mask, double theta) {
+ToneTarget PaperTarget(const Photo& photo, const PlaneU8& mask, double theta) {
   const ImageU8 codes = PhotoToU8(photo);
   const double mean = Mean(SharesOfCodes(codes, mask), CodeGain(1));
-  if (!(mean > 0)) return BlackImage();
   ToneTarget target;
   target.gain = theta / mean;
   target.image = ApplyToCodes(codes, CodeGain(target.gain));
@@ -150,19 +143,29 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
   return targets;
 }
 
-absl::Status CheckPhoto(const Photo& photo, const ToneOptions& options) {
+absl::Status CheckPhoto(const Photo& photo, const PlaneU8& mask, Tone rule) {
   if (photo.empty()) {
     return InvalidInput("EMPTY_IMAGE", "image", "tone: the photo is empty; leave it out");
   }
-  const bool black = std::all_of(photo.data.begin(), photo.data.end(),
-                                 [](int16_t sample) { return sample <= kBlackSample; });
-  if (black && options.rule != Tone::kNone) {
-    return BlackImage();
-  }
-  return absl::OkStatus();
+  if (!IsBlack(photo, mask, rule)) return absl::OkStatus();
+  return InvalidInput("BLACK_IMAGE", "image",
+                      "tone: every pixel of the photo is 0, no gain can brighten it; leave it out "
+                      "or expose longer");
 }
 
 }  // namespace
+
+bool IsBlack(const Photo& photo, const PlaneU8& mask, Tone rule) {
+  if (rule == Tone::kNone) return false;
+  // The paper's targets are of 8-bit codes.
+  const auto most =
+      rule == Tone::kPaper ? static_cast<int16_t>(kPhotoCode / 2) : int16_t{kBlackSample};
+  bool black = true;
+  ForCounted(mask, photo.pixels(), [&](size_t i) {
+    for (size_t k = 3 * i; k < 3 * i + 3; ++k) black = black && photo.data[k] <= most;
+  });
+  return black;
+}
 
 double CaptureGain(absl::Span<const Photo> photos, absl::Span<const double> exposures, int threads,
                    const CaptureFacts& facts) {
@@ -210,24 +213,21 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> phot
   LITAGS_RETURN_IF_ERROR(options.Validate());
   LITAGS_CHECK(photos.size() == exposures.size());
   LITAGS_CHECK(facts.masks.empty() || facts.masks.size() == photos.size());
-  for (const Photo& photo : photos) LITAGS_RETURN_IF_ERROR(CheckPhoto(photo, options));
+  for (size_t i = 0; i < photos.size(); ++i) {
+    LITAGS_RETURN_IF_ERROR(CheckPhoto(photos[i], MaskOf(facts.masks, i), options.rule));
+  }
   if (options.rule == Tone::kCapture) {
     auto targets = CaptureTargets(photos, exposures, options, threads, facts, done, cancel);
     LITAGS_RETURN_IF_ERROR(cancel.Check());
     return targets;
   }
   std::vector<ToneTarget> targets(photos.size());
-  std::vector<absl::Status> statuses(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
     if (cancel.IsCancelled()) return;
     switch (options.rule) {
-      case Tone::kPaper: {
-        absl::StatusOr<ToneTarget> target =
-            PaperTarget(photos[i], MaskOf(facts.masks, i), options.theta);
-        statuses[i] = target.status();
-        if (target.ok()) targets[i] = *std::move(target);
+      case Tone::kPaper:
+        targets[i] = PaperTarget(photos[i], MaskOf(facts.masks, i), options.theta);
         break;
-      }
       case Tone::kNone:
         targets[i].image = photos[i];
         break;
@@ -237,7 +237,6 @@ absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> phot
     if (done) done(thread);
   });
   LITAGS_RETURN_IF_ERROR(cancel.Check());
-  for (const absl::Status& status : statuses) LITAGS_RETURN_IF_ERROR(status);
   return targets;
 }
 

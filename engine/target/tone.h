@@ -23,11 +23,14 @@ struct ToneTarget {
   bool reached = true;  // false if max_gain was not enough
 };
 
+// Whether no target can be made of a photo, since no pixel that counts has any light.
+bool IsBlack(const Photo& photo, const PlaneU8& mask, Tone rule);
+
 // One target per photo, in order. `exposures`: light gathered by each photo relative to the
 // others, > 0 (RelativeExposures() in photometric.h); kCapture evens them out, the other rules
 // do not read them. All of a photo is mapped, also what its mask leaves out; each mask leaves a
-// pixel or more. INVALID_ARGUMENT for bad options, an empty photo, or one that is all black (no
-// gain helps; leave it out); CANCELLED, before the next target is begun. Deterministic for any
+// pixel or more. INVALID_ARGUMENT for bad options, an empty photo, or one that IsBlack (no gain
+// helps; leave it out); CANCELLED, before the next target is begun. Deterministic for any
 // `threads` (<= 0: all cores). `done` is called with ParallelFor's thread as each target is made.
 absl::StatusOr<std::vector<ToneTarget>> MakeTargets(absl::Span<const Photo> photos,
                                                     absl::Span<const double> exposures,

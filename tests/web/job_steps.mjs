@@ -1,22 +1,11 @@
 // What the page says of a job, and of many, step by step; new_job_test.py starts it.
 
 import assert from "node:assert/strict";
-import {chromium} from "playwright-core";
+import {openPage} from "./steps.mjs";
 
-const {URL: url, JOB: job, CHROMIUM: executablePath, PATIENCE_MS: patience} = process.env;
+const {URL: url, JOB: job} = process.env;
 
-const browser = await chromium.launch({executablePath, args: ["--no-sandbox", "--disable-dev-shm-usage"]});
-const page = await browser.newPage();
-page.setDefaultTimeout(Number(patience));
-const complaints = [];
-page.on("pageerror", (error) => complaints.push(String(error)));
-
-async function step(name, what) {
-  console.log(name);
-  await what();
-  await page.unrouteAll({behavior: "ignoreErrors"});
-  assert.deepEqual(complaints, []);
-}
+const {browser, page, step} = await openPage();
 
 const said = (text) => page.locator("#notice").getByText(text).waitFor();
 const newJob = (displayName) => page.evaluate(async (displayName) => {

@@ -2,22 +2,11 @@
 
 import assert from "node:assert/strict";
 import {join} from "node:path";
-import {chromium} from "playwright-core";
+import {openPage} from "./steps.mjs";
 
-const {URL: url, JOB: job, PHOTOS: photos, CHROMIUM: executablePath, PATIENCE_MS: patience} = process.env;
+const {URL: url, JOB: job, PHOTOS: photos} = process.env;
 
-const browser = await chromium.launch({executablePath, args: ["--no-sandbox", "--disable-dev-shm-usage"]});
-const page = await browser.newPage();
-page.setDefaultTimeout(Number(patience));
-const complaints = [];
-page.on("pageerror", (error) => complaints.push(String(error)));
-
-async function step(name, what) {
-  console.log(name);
-  await what();
-  await page.unrouteAll({behavior: "ignoreErrors"});
-  assert.deepEqual(complaints, []);
-}
+const {browser, page, step} = await openPage();
 
 const said = (text) => page.locator("#notice").getByText(text).waitFor();
 const start = page.getByRole("button", {name: "Upload and start"});

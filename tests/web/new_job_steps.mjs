@@ -3,27 +3,17 @@
 import assert from "node:assert/strict";
 import {copyFileSync, readdirSync, rmSync, statSync} from "node:fs";
 import {join} from "node:path";
-import {chromium} from "playwright-core";
+import {openPage} from "./steps.mjs";
 
-const {URL: url, PHOTOS: photos, ARCHIVE: archive, CHROMIUM: executablePath, PATIENCE_MS: patience} = process.env;
+const {URL: url, PHOTOS: photos, ARCHIVE: archive} = process.env;
 
-const browser = await chromium.launch({executablePath, args: ["--no-sandbox", "--disable-dev-shm-usage"]});
-const page = await browser.newPage();
-page.setDefaultTimeout(Number(patience));
-const complaints = [];
-page.on("pageerror", (error) => complaints.push(String(error)));
+const {browser, page, step} = await openPage();
 const sent = [], ranges = new Map();  // requests; the Content-Range of each file
 page.on("request", (request) => {
   const {pathname} = new URL(request.url());
   sent.push(`${request.method()} ${pathname}`);
   if (request.method() === "PUT") ranges.set(pathname.split("/").at(-1), request.headers()["content-range"]);
 });
-
-async function step(name, what) {
-  console.log(name);
-  await what();
-  assert.deepEqual(complaints, []);
-}
 
 const choose = (files) => page.locator("#files").setInputFiles(files);
 const start = page.getByRole("button", {name: "Upload and start"});

@@ -49,4 +49,4 @@ class NewJob(gateway.GatewayTest):
 
 if __name__ == "__main__":
     npm_packages.run_browser_tests(browser_test.HERE, browser_test.WORK, "new_job_steps.mjs",
-                                   "job_steps.mjs", "lost_answers_steps.mjs")
+                                   "job_steps.mjs", "lost_answers_steps.mjs", "steps.mjs")

@@ -14,17 +14,6 @@
 namespace litags {
 namespace {
 
-// Mean squared difference of its inputs, in place of LPIPS.
-std::string SquaredDifference() {
-  OnnxWriter model;
-  for (const char* name : {"in0", "in1"}) model.AddInput(name, {1, 3, 48, 64});
-  model.AddNode("Sub", {"in0", "in1"}, "d");
-  model.AddNode("Mul", {"d", "d"}, "s");
-  model.AddNode("ReduceMean", {"s"}, "y", {{"axes", {1, 2, 3}}}, {{"keepdims", 1}});
-  model.AddOutput("y", {1, 1, 1, 1});
-  return model.Bytes();
-}
-
 // Half black, half white is code 188: the truth is averaged in linear light, as training shrinks.
 TEST(ScoreCommand, LargerTruthIsAveragedDownAndLpipsIsOfAGivenNetwork) {
   TempDir dir;
@@ -36,7 +25,7 @@ TEST(ScoreCommand, LargerTruthIsAveragedDownAndLpipsIsOfAGivenNetwork) {
   for (const char* folder : {"truth", "renders"}) std::filesystem::create_directory(dir / folder);
   ASSERT_TRUE(WritePng(dir / "truth/a.png", checkers).ok());
   ASSERT_TRUE(WritePng(dir / "renders/a.png", gray).ok());
-  ASSERT_TRUE(WriteFileAtomically(dir / "lpips.onnx", SquaredDifference()).ok());
+  ASSERT_TRUE(WriteFileAtomically(dir / "lpips.onnx", SquaredDifferenceModel(48, 64)).ok());
   const SubprocessResult result = RunBench("score", {dir / "renders", dir / "truth", "--lpips",
                                                      dir / "lpips.onnx", "--json", dir / "j"});
   EXPECT_EQ(result.exit_code, 0) << result.tail;

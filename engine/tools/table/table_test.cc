@@ -35,17 +35,6 @@ std::string Times3(int channels) {
   return model.Bytes();
 }
 
-// Mean squared difference of its inputs, in place of LPIPS.
-std::string SquaredDifference() {
-  OnnxWriter model;
-  for (const char* name : {"in0", "in1"}) model.AddInput(name, {1, 3, 48, 64});
-  model.AddNode("Sub", {"in0", "in1"}, "d");
-  model.AddNode("Mul", {"d", "d"}, "s");
-  model.AddNode("ReduceMean", {"s"}, "y", {{"axes", {1, 2, 3}}}, {{"keepdims", 1}});
-  model.AddOutput("y", {1, 1, 1, 1});
-  return model.Bytes();
-}
-
 class TableTest : public testing::Test {
  protected:
   // The folder that a download of LOM leaves.
@@ -91,7 +80,7 @@ TempDir* TableTest::lom_ = nullptr;
 
 TEST_F(TableTest, EveryMethodGetsARowAndPicturesUnderEveryLight) {
   ASSERT_TRUE(WriteFileAtomically(out_ / "mine.onnx", Times3(3)).ok());
-  ASSERT_TRUE(WriteFileAtomically(out_ / "lpips.onnx", SquaredDifference()).ok());
+  ASSERT_TRUE(WriteFileAtomically(out_ / "lpips.onnx", SquaredDifferenceModel(48, 64)).ok());
   const std::vector<std::string> arguments = {
       "--light",    "low,over_exp",
       "--methods",  "3dgs-normal,3dgs,3dgs+mine,light-gain+3dgs,litags",
