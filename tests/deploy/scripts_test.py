@@ -140,5 +140,25 @@ class Quickstart(ScriptTest):
         self.assertEqual(code, 0, said)
 
 
+class FolderOfTheScript(ScriptTest):
+
+    def test_folders_where_cd_looks_do_not_matter(self):
+        for name in (".ci", "tests/attack", "tests/cluster", "tests/crash", "tests/fuzz", "tests/load"):
+            script = self.write(self.at("root", name, "run"), "")
+            shutil.copy(os.path.join(os.path.dirname(DEPLOY), name, "run"), script)
+            os.makedirs(self.at("elsewhere", name))
+        for name in ("attack/mixed", "cluster/long_run", "crash/long_run", "load/load"):
+            self.write(self.at("root", "tests", name + ".py"), "print('it runs')")
+        for name in ("deploy/test", "build/fuzz/bin/fuzz_x"):
+            self.write(self.at("root", name), "#!/bin/sh\necho it runs\n")
+        os.makedirs(self.at("root", "build", "release"))
+        self.environment["CDPATH"] = self.at("elsewhere")
+        for command in (".ci/run", "tests/attack/run", "tests/cluster/run", "tests/crash/run",
+                        "tests/fuzz/run 1 x", "tests/load/run"):
+            code, out = self.run_script("bash", "-c", f"cd '{self.at('root')}' && exec bash {command}")
+            self.assertEqual(code, 0, f"{command}: {out}")
+            self.assertNotIn("elsewhere", out)
+
+
 if __name__ == "__main__":
     unittest.main(verbosity=2)
