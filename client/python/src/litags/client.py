@@ -35,6 +35,7 @@ _CHANNEL_OPTIONS = [
     ("grpc.http2.max_pings_without_data", 0),
 ]
 
+_ENDED = (job_pb2.JOB_STATE_SUCCEEDED, job_pb2.JOB_STATE_FAILED, job_pb2.JOB_STATE_CANCELLED)
 _START_SECONDS = 5
 _LONG_ATTEMPT = 20  # seconds: longer than it takes to find that there is no server
 
@@ -180,13 +181,19 @@ class Client:
     def wait(self, job: str, *, progress: bool = True) -> job_pb2.Job:
         """Returns the job when it has succeeded; one that failed or was cancelled is a LitagsError.
         `progress`: a bar on stderr, if tqdm is installed."""
+        last = 0
         with _progress_bar(job, progress) as show:
-            for event in self.watch(job):
-                if event.HasField("progress"):
-                    show(event.progress)
-        ended = self.job(job)
-        errors.raise_unless_succeeded(ended)
-        return ended
+            while True:
+                for event in self.watch(job, after=last):
+                    last = event.number
+                    if event.HasField("progress"):
+                        show(event.progress)
+                found = self.job(job)
+                if found.state in _ENDED:
+                    break
+                time.sleep(0.2)  # it was resumed just after it had ended
+        errors.raise_unless_succeeded(found)
+        return found
 
     def cameras(self, job: str) -> list[str]:
         """Names of the photos whose cameras were found: what `render` takes."""
