@@ -79,6 +79,21 @@ class BrokenUploads(jobs_grpc.ReconstructionServiceServicer):
         return empty_pb2.Empty()
 
 
+class Resumed(jobs_grpc.ReconstructionServiceServicer):
+    """A service whose job is resumed between its end and the question how it stands."""
+
+    def __init__(self):
+        self.watched = []
+
+    def WatchJob(self, request, context):
+        self.watched.append(request.after_event)
+        yield job_pb2.JobEvent(number=request.after_event + 1)
+
+    def GetJob(self, request, context):
+        return job_pb2.Job(name=request.name, state=job_pb2.JOB_STATE_RUNNING
+                           if len(self.watched) == 1 else job_pb2.JOB_STATE_SUCCEEDED)
+
+
 class Package(harness.ServiceTest):
 
     def client(self, address=None, **options):
@@ -322,7 +337,8 @@ class Package(harness.ServiceTest):
                     self.assertRaisesRegex(ValueError, "unencrypted; .*LITAGS_TLS=1"):
                 litags.Client.from_environment()
         self.client("192.0.2.1:443", token="x", credentials=grpc.ssl_channel_credentials())
-        self.client("[::1]:1", token="x")
+        for server in ("[::1]:1", "unix:/run/litags.sock"):
+            self.client(server, token="x")
 
     def test_a_proxy_for_the_internet_is_no_way_to_this_machine(self):
         nobody = {name: "http://127.0.0.1:1" for name in ("http_proxy", "https_proxy", "grpc_proxy")}
@@ -395,6 +411,12 @@ class Package(harness.ServiceTest):
         server.start()
         self.addCleanup(lambda: server.stop(0).wait())
         return self.client(f"127.0.0.1:{port}", **options)
+
+    def test_a_job_that_is_resumed_as_it_ends_is_waited_for(self):
+        service = Resumed()
+        done = self.client_of(service).wait("jobs/1", progress=False)
+        self.assertEqual(done.state, job_pb2.JOB_STATE_SUCCEEDED)
+        self.assertEqual(service.watched, [0, 1])
 
     def test_uploads_that_stall_go_on(self):
         service = BrokenUploads((grpc.StatusCode.DEADLINE_EXCEEDED, "UPLOAD_STALLED"),

@@ -17,6 +17,8 @@ def options_of(environment: Mapping[str, str], server: str = "") -> dict[str, An
 
 
 def is_this_machine(server: str) -> bool:
+    if server.startswith("unix:"):
+        return True
     host = server.rpartition(":")[0].strip("[]")
     try:
         return ipaddress.ip_address(host).is_loopback
