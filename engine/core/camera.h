@@ -31,6 +31,15 @@ struct Camera {
   std::array<double, 3> CamFromWorld(const std::array<double, 3>& point) const;
   std::array<double, 3> WorldFromCam(const std::array<double, 3>& point) const;
 
+  // A point of the camera frame, z > 0, to its place in the picture, px; and the point of the
+  // camera frame at depth z behind the place (x, y), px.
+  std::array<double, 2> Project(const std::array<double, 3>& p) const {
+    return {fx * p[0] / p[2] + cx, fy * p[1] / p[2] + cy};
+  }
+  std::array<double, 3> Unproject(double x, double y, double z) const {
+    return {(x - cx) / fx * z, (y - cy) / fy * z, z};
+  }
+
   // The camera carried by `offset`, looking the same way: it sees of a world carried with it what
   // this one sees.
   Camera Moved(const std::array<double, 3>& offset) const;

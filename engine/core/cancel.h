@@ -1,8 +1,11 @@
 #ifndef LITAGS_ENGINE_CORE_CANCEL_H_
 #define LITAGS_ENGINE_CORE_CANCEL_H_
 
+#include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <memory>
+#include <thread>
 
 #include "absl/status/status.h"
 
@@ -15,6 +18,16 @@ class CancelToken {
 
   void Cancel() { flag_->store(true, std::memory_order_relaxed); }
   bool IsCancelled() const { return flag_->load(std::memory_order_relaxed); }
+
+  // Sleeps for `seconds`, or until Cancel() is called, which ends the sleep within 20 ms.
+  void SleepFor(double seconds) const {
+    using Seconds = std::chrono::duration<double>;
+    const auto end = std::chrono::steady_clock::now() + Seconds(seconds);
+    for (Seconds left(seconds); left.count() > 0 && !IsCancelled();
+         left = end - std::chrono::steady_clock::now()) {
+      std::this_thread::sleep_for(std::min(left, Seconds(0.02)));
+    }
+  }
 
   // CANCELLED once Cancel() was called, OK before.
   absl::Status Check() const {

@@ -54,6 +54,14 @@ Camera TestCamera() {
   return camera;
 }
 
+TEST(CancelToken, EndsASleep) {
+  CancelToken token;
+  std::thread other([token]() mutable { token.Cancel(); });
+  token.SleepFor(3600);
+  other.join();
+  EXPECT_TRUE(token.IsCancelled());
+}
+
 TEST(Camera, LookAtPutsTheTargetOnTheAxisAndUpUp) {
   Camera camera = TestCamera();
   ASSERT_TRUE(camera.LookAt({1, 2, 3}, {4, 2, 7}, {0, 0, 1}).ok());
@@ -67,6 +75,15 @@ TEST(Camera, LookAtPutsTheTargetOnTheAxisAndUpUp) {
   EXPECT_NEAR(center[0], 1, 1e-12);
   EXPECT_NEAR(center[1], 2, 1e-12);
   EXPECT_NEAR(center[2], 3, 1e-12);
+}
+
+TEST(Camera, UnprojectIsWhatProjectUndoes) {
+  Camera camera{.width = 64, .height = 48, .fx = 50, .fy = 60, .cx = 31, .cy = 25};
+  EXPECT_THAT(camera.Project({0, 0, 3}), testing::ElementsAre(31, 25));
+  const auto point = camera.Unproject(10.5, 40.5, 2);
+  EXPECT_EQ(point[2], 2);
+  EXPECT_THAT(camera.Project(point), testing::ElementsAre(testing::DoubleNear(10.5, 1e-12),
+                                                          testing::DoubleNear(40.5, 1e-12)));
 }
 
 TEST(Camera, MovedSeesAMovedWorldAlike) {

@@ -59,6 +59,14 @@ struct Planes {
   Planes() = default;
   Planes(int c, int h, int w) : channels(c), height(h), width(w), data(size_t(c) * h * w) {}
 
+  // Gives it another size and keeps its memory; the values are any that were there.
+  void Reshape(int c, int h, int w) {
+    channels = c;
+    height = h;
+    width = w;
+    data.resize(size_t(c) * h * w);
+  }
+
   bool empty() const { return data.empty(); }
   size_t plane_size() const { return size_t(height) * width; }
   float* plane(int c) { return data.data() + c * plane_size(); }
@@ -82,6 +90,10 @@ struct BasicPlanesView {
   BasicPlanesView(Source& planes) : BasicPlanesView(planes, 0, planes.channels) {}  // NOLINT
   BasicPlanesView(Source& planes, int first, int count)
       : data(planes.plane(first)), channels(count), height(planes.height), width(planes.width) {}
+  // A span is also a view.
+  BasicPlanesView(const BasicPlanesView<float>& span)  // NOLINT
+      requires std::is_const_v<T>
+      : data(span.data), channels(span.channels), height(span.height), width(span.width) {}
 
   bool empty() const { return data == nullptr; }
   size_t plane_size() const { return size_t(height) * width; }
@@ -90,6 +102,10 @@ struct BasicPlanesView {
 };
 using PlanesView = BasicPlanesView<const float>;
 using PlanesSpan = BasicPlanesView<float>;
+
+inline bool SameSize(PlanesView a, PlanesView b) {
+  return a.channels == b.channels && a.height == b.height && a.width == b.width;
+}
 
 // Bytes to [3, H, W] floats in [0, 1]; no change of encoding.
 inline Planes ToPlanes(const ImageU8& image) {

@@ -18,9 +18,8 @@ class UniqueFd {
     return *this;
   }
   ~UniqueFd() { Close(); }
-  void Close() {
-    if (fd_ >= 0) close(std::exchange(fd_, -1));
-  }
+  // False if the kernel says only now that something written did not arrive (errno says why).
+  bool Close() { return fd_ < 0 || close(std::exchange(fd_, -1)) == 0; }
   int get() const { return fd_; }
   bool valid() const { return fd_ >= 0; }
 
