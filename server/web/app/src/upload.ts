@@ -83,6 +83,7 @@ export function leftOutOf(files: Chosen[]): string[] {
 function put(job: string, chosen: Chosen, digest: string, offset: number,
              sent: (bytes: number) => void, signal: AbortSignal): Promise<void> {
   return new Promise((ok, no) => {
+    signal.throwIfAborted();  // else its listener would never be called
     const size = chosen.file.size;
     const request = new XMLHttpRequest();  // fetch() does not tell how far it is
     request.open("PUT", `/v1/${job}/files/${encodeURIComponent(chosen.name)}?role=${chosen.role}`);
@@ -130,6 +131,7 @@ async function pause(error: unknown, attempt: number, attempts: number, signal: 
 export async function persistently<T>(what: () => Promise<T>, signal: AbortSignal): Promise<T> {
   for (let attempt = 1; ; ++attempt) {
     try {
+      signal.throwIfAborted();
       return await what();
     } catch (error) {
       await pause(error, attempt, kAttempts, signal);
@@ -144,6 +146,7 @@ async function sendFile(job: string, chosen: Chosen, attempts: number, step: (by
   const digest = await digestOf(chosen.file, () => {});
   for (let attempt = 1, arrived = 0; ; ++attempt) {
     try {
+      signal.throwIfAborted();
       const query = {name: chosen.name, role: chosen.role, sizeBytes: chosen.file.size,
                      sha256: digest};
       const answer = await post<{files: {stored?: boolean; offset?: string}[]}>(
