@@ -91,7 +91,7 @@ export function findings(name: string): Part {
       draw();
     } catch (error) {
       readAt = "";
-      notice((error as ApiError).message);
+      if (details.isConnected) notice((error as ApiError).message);
     }
   };
   const details = el("details", {toggle: () => void load()}, el("summary", {}, "Photos"), summary, body);

@@ -114,6 +114,7 @@ export function jobView(id: string): View {
   const refresh = async (): Promise<void> => {
     try {
       const job = await get<Job>(`/v1/${name}`);
+      if (left) return;
       parts.forEach((part) => part.show(job));
       course.show(history, job);
       if (!isOver(job)) {  // its streams may have ended before it was resumed
@@ -124,11 +125,12 @@ export function jobView(id: string): View {
       if (failed) notice("");
       failed = false;
     } catch (error) {
+      if (left) return;
       failed = true;
       notice(saidOfRetried(error));
     }
   };
-  let failed = false;
+  let failed = false, left = false;
   const top = head(() => void refresh()), course = curves(), lines = log(name);
   const parts: Part[] = [top, pictures(), report(), downloads(), findings(name)];
   const element = el("div", {class: "job"}, top.element, parts[1]!.element, course.element,
@@ -143,5 +145,5 @@ export function jobView(id: string): View {
     trouble: notice,
   });
   const stopLooking = every(2, refresh);
-  return {title: "Job", element, leave: () => { events.stop(); stopLooking(); lines.leave(); }};
+  return {title: "Job", element, leave: () => { left = true; events.stop(); stopLooking(); lines.leave(); }};
 }

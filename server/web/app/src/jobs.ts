@@ -64,7 +64,7 @@ export function jobsView(): View {
   const empty = el("p", {class: "empty", hidden: true});
   const more = el("button", {type: "button", hidden: true, click: () => { size += 50; void refresh(); }},
                   "Show more");
-  let size = 50;
+  let size = 50, left = false;
   const state = select(kStates, "", {change: () => void refresh()});
   const title = el("input", {type: "search", input: () => void refresh()});
 
@@ -72,7 +72,7 @@ export function jobsView(): View {
     const filter = filterOf(state.value, title.value);
     try {
       const {jobs, more: others} = await newest(filter, size);
-      if (filter !== filterOf(state.value, title.value)) return;  // another answer is on its way
+      if (left || filter !== filterOf(state.value, title.value)) return;  // another answer is on its way
       for (const job of jobs) {
         if (!cards.has(job.name)) cards.set(job.name, card());
         cards.get(job.name)!.show(job);
@@ -87,7 +87,7 @@ export function jobsView(): View {
       more.hidden = !others;
       notice("");
     } catch (error) {
-      notice(saidOfRetried(error));
+      if (!left) notice(saidOfRetried(error));
     }
   };
   const element = el("div", {},
@@ -96,5 +96,6 @@ export function jobsView(): View {
                      el("form", {class: "filters", role: "search", submit: (e) => e.preventDefault()},
                         labelled("State", state), labelled("Title contains", title)),
                      list, empty, more);
-  return {title: "Jobs", element, leave: every(3, refresh)};
+  const stopLooking = every(3, refresh);
+  return {title: "Jobs", element, leave: () => { left = true; stopLooking(); }};
 }

@@ -66,11 +66,12 @@ export function measuring(job: string, canvas: HTMLCanvasElement, camera: OrbitC
     try {
       const point = await surface(job, camera, ray);
       if (point) points = points.length === 2 ? [point] : [...points, point];
+      if (!controls.isConnected) return;
       notice(point ? "" : "Nothing is there to measure to.");
       known.value = "";
       draw();
     } catch (error) {
-      notice((error as ApiError).message);
+      if (controls.isConnected) notice((error as ApiError).message);
     }
   };
 

@@ -236,8 +236,9 @@ export function sceneView(id: string): View {
       place.replaceChildren(stage.element);
       notice("");
     } catch (error) {
+      if (left) return;
       notice(saidOfRetried(error));
-      if ((error as ApiError).code === 0 && !left) window.setTimeout(load, 2000);
+      if ((error as ApiError).code === 0) window.setTimeout(load, 2000);
     }
   };
   void load();

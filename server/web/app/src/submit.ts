@@ -275,7 +275,7 @@ export function submitView(): View {
     main.replaceChildren(...options.main);
     rest.replaceChildren(...options.rest);
     ofVideos.replaceChildren(...options.ofVideos);
-  }, (error: ApiError) => notice(error.message));
+  }, (error: ApiError) => { if (element.isConnected) notice(error.message); });
   // The browser's own check would end without a word at a control that is folded away.
   const element = el("form", {class: "submit", novalidate: true,
                               submit: (event) => { event.preventDefault(); submit(true); }},
