@@ -40,6 +40,21 @@ async function loseAnswers(path, times) {
   return calls;
 }
 
+// Such calls wait: `asked` is there once one was made, release(how) answers them.
+async function hold(path, method) {
+  let told, released = false;
+  const held = [], asked = new Promise((ok) => { told = ok; });
+  await page.route(path, (route) => {
+    if (released || route.request().method() !== method) return route.continue();
+    held.push(route);
+    return told();
+  });
+  return {asked, release: async (how = (route) => route.continue()) => {
+    released = true;
+    await Promise.all(held.map((route) => how(route)));
+  }};
+}
+
 // Until the page gives up, without pauses between its attempts.
 async function startInVain() {
   await page.evaluate(() => {
@@ -101,6 +116,90 @@ await step("titles that the server would not take", async () => {
   });
   await page.getByText("1 photo,").waitFor();
   assert.equal(await title.getAttribute("placeholder"), "my oddfolder");
+});
+
+await step("leaving during an upload ends it", async () => {
+  await newJob("Left", "a.png", "b.png", "c.png");
+  const {asked, release} = await hold(/files:query$/, "POST");
+  const sent = [];
+  const listen = (request) => {
+    if (/\/files\/|:start$/.test(request.url())) sent.push(request.url());
+  };
+  await start.click();
+  await asked;
+  page.on("request", listen);
+  await page.getByRole("link", {name: "Jobs", exact: true}).click();
+  await page.getByRole("heading", {name: "Jobs"}).waitFor();
+  await release();
+  await page.waitForTimeout(500);  // what would follow is sent at once
+  page.off("request", listen);
+  assert.deepEqual(sent, []);
+  assert.equal(await page.evaluate(async () => {
+    const {jobs} = await (await fetch("/v1/jobs?pageSize=1000")).json();
+    return jobs.find((job) => job.displayName === "Left").state;
+  }), "JOB_STATE_UPLOADING");
+});
+
+await step("answers that come after leaving change nothing", async () => {
+  await page.goto(`${url}/#/${job}`);
+  const heading = (name) => page.getByRole("heading", {name, exact: true}).waitFor();
+  await heading("by HTTP");
+  const about = (path) => new RegExp(`${job}${path}$`);
+  // From the page that asks for `path` to `next`, before it is answered.
+  const leave = async (path, from, next) => {
+    const {asked, release} = await hold(about(path), "GET");
+    await page.goto(`${url}/#/${from}`);
+    await asked;
+    await page.getByRole("link", {name: next, exact: true}).first().click();
+    await heading(next === "Jobs" ? "Jobs" : "New job");
+    return release;
+  };
+  let release = await leave("", job, "Jobs");
+  await release();
+  await page.waitForTimeout(200);
+  assert.equal(await page.title(), "Jobs - litags");
+  const none = async (path, from) => {
+    release = await leave(path, from, "New job");
+    await release((route) => route.abort());
+    await page.waitForTimeout(200);
+    assert.equal(await page.locator("#notice").textContent(), "", `of ${from}`);
+  };
+  await none("", job);
+  await none("/cameras", `${job}/scene`);
+  const list = await hold(/\/v1\/jobs\?/, "GET");
+  await page.goto(`${url}/#/`);
+  await list.asked;
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  await heading("New job");
+  await list.release((route) => route.abort());
+  await page.waitForTimeout(200);
+  assert.equal(await page.locator("#notice").textContent(), "");
+});
+
+await step("a start on the job's page whose answer is lost", async () => {
+  await newJob("Looked at", "a.png", "b.png", "c.png");
+  await page.getByRole("button", {name: "Upload and look first"}).click();
+  await page.getByRole("heading", {name: "Looked at"}).waitFor();
+  const go = page.getByRole("button", {name: "Start", exact: true});
+  await go.waitFor();
+  // The page goes on showing what it knew.
+  await page.route(/\/v1\/jobs\/\w+$/, (route) => route.abort());
+  const ids = [];
+  await page.route(/:start$/, async (route) => {
+    ids.push(route.request().postDataJSON().requestId);
+    if (ids.length > 1) return route.continue();
+    await route.fetch();
+    return route.abort();
+  });
+  await go.click();
+  await said("the server cannot be reached");
+  const answer = page.waitForResponse(/:start$/);
+  await go.click();
+  assert.equal((await answer).status(), 200);
+  assert.ok(ids[0]);
+  assert.equal(ids[1], ids[0]);
+  await page.unrouteAll({behavior: "ignoreErrors"});
+  await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
 });
 
 const copies = () => jobsOf("by HTTP (copy)");

@@ -39,9 +39,10 @@ export function actions(refresh: () => void): Part {
   };
   // Unless the user has gone elsewhere meanwhile.
   const go = (hash: string): void => { if (element.isConnected) location.hash = hash; };
-  const start = button("Start", (j) => post(`/v1/${j.name}:start`), "primary");
+  let queueId = newId();  // of Start or Resume as the job stands: another click is the same call
+  const start = button("Start", (j) => post(`/v1/${j.name}:start`, {requestId: queueId}), "primary");
   const cancel = button("Cancel", (j) => post(`/v1/${j.name}:cancel`));
-  const resume = button("Resume", (j) => post(`/v1/${j.name}:resume`), "primary");
+  const resume = button("Resume", (j) => post(`/v1/${j.name}:resume`, {requestId: queueId}), "primary");
   let cloneId = newId();  // kept until it is answered: another click is the same call
   const clone = button("Clone", async (j) => {
     const copy = " (copy)";
@@ -64,6 +65,7 @@ export function actions(refresh: () => void): Part {
   return {
     element,
     show(next) {
+      if (next.state !== job?.state || next.endTime !== job.endTime) queueId = newId();
       job = next;
       start.hidden = job.state !== "JOB_STATE_UPLOADING";
       cancel.hidden = isOver(job);
