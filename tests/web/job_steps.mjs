@@ -52,6 +52,41 @@ await step("the photo before somewhere else is the last", async () => {
   assert.equal(await place.inputValue(), "a.png");
 });
 
+await step("an encoder of videos that fails says why", async () => {
+  await page.evaluate(() => {
+    window.VideoEncoder = class {
+      state = "unconfigured";
+      encodeQueueSize = 0;
+      constructor({error}) { this.fail = error; }
+      configure() {
+        this.state = "closed";
+        window.setTimeout(() => this.fail(new Error("no such codec here")), 0);
+      }
+      encode() { throw new Error("closed codec"); }
+      close() {}
+    };
+  });
+  await page.getByText("A video of a way").click();
+  for (let i = 0; i < 2; ++i) await page.getByRole("button", {name: "Add this place"}).click();
+  await page.getByRole("button", {name: "Make a video"}).click();
+  await page.waitForFunction(() => /codec/.test(document.getElementById("notice").textContent));
+  assert.equal(await page.locator("#notice").textContent(), "no such codec here");
+});
+
+await step("a scene that one has left listens no more", async () => {
+  await page.goto(`${url}/#/`);
+  assert.deepEqual(await page.evaluate(async () => {
+    const {control} = await import("/controls.js");
+    const element = document.createElement("canvas");
+    let moved = 0;
+    const end = control(element, {dolly: () => {}}, () => { ++moved; });
+    const roll = () => { element.dispatchEvent(new WheelEvent("wheel", {deltaY: 1})); return moved; };
+    const before = roll();
+    end();
+    return [before, roll()];
+  }), [1, 1]);
+});
+
 await step("a video that comes while one looks", async () => {
   const name = await newJob("waits for a video");
   await page.goto(`${url}/#/${name}`);

@@ -75,14 +75,15 @@ export function control(element: HTMLElement, camera: OrbitCamera, moved: () => 
   const release = (): void => held.clear();
   const noMenu = (event: Event): void => event.preventDefault();
 
-  element.addEventListener("pointerdown", down);
-  element.addEventListener("pointermove", drag);
-  element.addEventListener("pointerup", up);
-  element.addEventListener("pointercancel", up);
-  element.addEventListener("wheel", wheel, {passive: false});
-  element.addEventListener("contextmenu", noMenu);
-  element.addEventListener("keydown", keyDown);
-  element.addEventListener("keyup", keyUp);
-  element.addEventListener("blur", release);
-  return () => { held.clear(); cancelAnimationFrame(frame); };
+  const end = new AbortController(), {signal} = end;
+  element.addEventListener("pointerdown", down, {signal});
+  element.addEventListener("pointermove", drag, {signal});
+  element.addEventListener("pointerup", up, {signal});
+  element.addEventListener("pointercancel", up, {signal});
+  element.addEventListener("wheel", wheel, {passive: false, signal});
+  element.addEventListener("contextmenu", noMenu, {signal});
+  element.addEventListener("keydown", keyDown, {signal});
+  element.addEventListener("keyup", keyUp, {signal});
+  element.addEventListener("blur", release, {signal});
+  return () => { end.abort(); held.clear(); cancelAnimationFrame(frame); };
 }

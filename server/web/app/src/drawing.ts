@@ -12,7 +12,7 @@ export interface Wish {
   settings: Record<string, unknown>;
 }
 
-// Even sizes of at most so many pixels with the element's aspect ratio.
+// The size of at most so many pixels with the element's aspect ratio.
 function sizeFor(element: HTMLElement, most: number): {width: number; height: number} {
   const ratio = window.devicePixelRatio || 1;
   const width = Math.max(2, element.clientWidth * ratio), height = Math.max(2, element.clientHeight * ratio);

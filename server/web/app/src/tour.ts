@@ -40,10 +40,14 @@ class Film {
 
   async add(picture: Blob): Promise<void> {
     const bitmap = await createImageBitmap(picture);
-    const frame = new VideoFrame(bitmap, {timestamp: Math.round(1e6 * this.count / kRate)});
-    this.encoder.encode(frame, {keyFrame: this.count++ % (kKeyEvery * kRate) === 0});
-    frame.close();
-    bitmap.close();
+    try {
+      if (this.error) throw this.error;  // an encoder that has failed would only say that it is closed
+      const frame = new VideoFrame(bitmap, {timestamp: Math.round(1e6 * this.count / kRate)});
+      this.encoder.encode(frame, {keyFrame: this.count++ % (kKeyEvery * kRate) === 0});
+      frame.close();
+    } finally {
+      bitmap.close();
+    }
     while (this.encoder.encodeQueueSize > kMostWaiting) await new Promise((ok) => setTimeout(ok, 5));
     if (this.error) throw this.error;
   }
