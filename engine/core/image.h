@@ -91,8 +91,9 @@ struct BasicPlanesView {
   BasicPlanesView(Source& planes, int first, int count)
       : data(planes.plane(first)), channels(count), height(planes.height), width(planes.width) {}
   // A span is also a view.
-  BasicPlanesView(const BasicPlanesView<float>& span)  // NOLINT
-      requires std::is_const_v<T>
+  template <class U>
+  requires(std::is_const_v<T> && !std::is_const_v<U>)
+      BasicPlanesView(const BasicPlanesView<U>& span)  // NOLINT
       : data(span.data), channels(span.channels), height(span.height), width(span.width) {}
 
   bool empty() const { return data == nullptr; }

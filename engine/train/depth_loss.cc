@@ -152,12 +152,10 @@ struct Maps {
 
 void CheckMaps(const Maps& maps, PlanesSpan v_rendered) {
   const int width = maps.rendered.width, height = maps.rendered.height;
-  const auto is_map = [&](const auto& view) {
-    return view.channels == 1 && view.width == width && view.height == height;
-  };
-  LITAGS_CHECK(maps.rendered.size() > 0 && is_map(maps.rendered) && is_map(maps.target));
-  LITAGS_CHECK(maps.confidence.empty() || is_map(maps.confidence));
-  LITAGS_CHECK(v_rendered.empty() || is_map(v_rendered));
+  LITAGS_CHECK(maps.rendered.size() > 0 && maps.rendered.channels == 1);
+  LITAGS_CHECK(SameSize(maps.target, maps.rendered));
+  LITAGS_CHECK(maps.confidence.empty() || SameSize(maps.confidence, maps.rendered));
+  LITAGS_CHECK(v_rendered.empty() || SameSize(v_rendered, maps.rendered));
   for (const PixelRect& p : maps.patches) {
     LITAGS_CHECK(p.x >= 0 && p.y >= 0 && p.width > 0 && p.height > 0);
     LITAGS_CHECK(p.x <= width - p.width && p.y <= height - p.height);

@@ -116,19 +116,6 @@ HWY_EXPORT(TvAbsoluteRow);
 // Samples per task: small enough for float sums, large enough to hide the cost of a task.
 constexpr size_t kTaskSamples = 8192;
 
-bool SameSize(PlanesView a, PlanesView b) {
-  return a.channels == b.channels && a.height == b.height && a.width == b.width;
-}
-
-PlanesView Const(PlanesSpan span) {
-  PlanesView view;
-  view.data = span.data;
-  view.channels = span.channels;
-  view.height = span.height;
-  view.width = span.width;
-  return view;
-}
-
 // body(first, count) over [0, n) in pieces of kTaskSamples; the sum of its results in their order.
 double SumOverSamples(size_t n, LossWorkspace& ws,
                       absl::FunctionRef<double(size_t first, size_t count)> body) {
@@ -143,18 +130,10 @@ double SumOverSamples(size_t n, LossWorkspace& ws,
   return sum;
 }
 
-// Values are any that were there. Keeps its memory: crops differ a little in size.
-void Reshape(Planes* planes, int channels, int height, int width) {
-  planes->channels = channels;
-  planes->height = height;
-  planes->width = width;
-  planes->data.resize(size_t(channels) * height * width);
-}
-
 }  // namespace
 
 void UnpackImage(const Photo& image, LossWorkspace& ws, Planes* planes) {
-  Reshape(planes, 3, image.height, image.width);
+  planes->Reshape(3, image.height, image.width);
   const size_t n = planes->plane_size();
   ParallelFor(ws.threads, (n + kTaskSamples - 1) / kTaskSamples, [&](size_t task, int) {
     const size_t first = task * kTaskSamples, end = std::min(n, first + kTaskSamples);
@@ -167,7 +146,7 @@ void UnpackImage(const Photo& image, LossWorkspace& ws, Planes* planes) {
 }
 
 void UnpackPlane(const PlaneU8& bytes, float scale, LossWorkspace& ws, Planes* plane) {
-  Reshape(plane, 1, bytes.height, bytes.width);
+  plane->Reshape(1, bytes.height, bytes.width);
   const size_t n = plane->plane_size();
   ParallelFor(ws.threads, (n + kTaskSamples - 1) / kTaskSamples, [&](size_t task, int) {
     const size_t first = task * kTaskSamples, end = std::min(n, first + kTaskSamples);
@@ -180,7 +159,7 @@ void UnpackPlane(const PlaneU8& bytes, float scale, LossWorkspace& ws, Planes* p
 double L1Loss(PlanesView x, PlanesView y, double weight, PlanesSpan v_x, LossWorkspace& ws,
               PlanesView pixel_weights) {
   LITAGS_CHECK(SameSize(x, y) && x.size() > 0);
-  LITAGS_CHECK(v_x.empty() || SameSize(x, Const(v_x)));
+  LITAGS_CHECK(v_x.empty() || SameSize(x, v_x));
   const float gradient = static_cast<float>(weight / x.size());
   const auto kernel = HWY_DYNAMIC_DISPATCH(L1Kernel);
   if (pixel_weights.empty()) {
@@ -204,8 +183,8 @@ double L1Loss(PlanesView x, PlanesView y, double weight, PlanesSpan v_x, LossWor
 double MseLoss(PlanesView x, PlanesView y, double weight, PlanesSpan v_x, PlanesSpan v_y,
                LossWorkspace& ws) {
   LITAGS_CHECK(SameSize(x, y) && x.size() > 0);
-  LITAGS_CHECK(v_x.empty() || SameSize(x, Const(v_x)));
-  LITAGS_CHECK(v_y.empty() || SameSize(y, Const(v_y)));
+  LITAGS_CHECK(v_x.empty() || SameSize(x, v_x));
+  LITAGS_CHECK(v_y.empty() || SameSize(y, v_y));
   const float gradient = static_cast<float>(2 * weight / x.size());
   const auto kernel = HWY_DYNAMIC_DISPATCH(MseKernel);
   const double sum = SumOverSamples(x.size(), ws, [&](size_t i, size_t n) {
@@ -216,7 +195,7 @@ double MseLoss(PlanesView x, PlanesView y, double weight, PlanesSpan v_x, Planes
 }
 
 double TvLoss(PlanesView x, TvNorm norm, double weight, PlanesSpan v_x, LossWorkspace& ws) {
-  LITAGS_CHECK(x.size() > 0 && (v_x.empty() || SameSize(x, Const(v_x))));
+  LITAGS_CHECK(x.size() > 0 && (v_x.empty() || SameSize(x, v_x)));
   // An image one pixel wide or high has no differences that way.
   const double per_x = x.width > 1 ? 1.0 / (double(x.channels) * x.height * (x.width - 1)) : 0;
   const double per_y = x.height > 1 ? 1.0 / (double(x.channels) * (x.height - 1) * x.width) : 0;

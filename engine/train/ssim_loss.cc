@@ -334,8 +334,7 @@ struct Inputs {
   PlanesSpan v_r, v_l;
 };
 
-template <class View>
-bool HasSize(const View& view, PlanesView like, int channels) {
+bool HasSize(PlanesView view, PlanesView like, int channels) {
   return view.empty() ||
          (view.channels == channels && view.height == like.height && view.width == like.width);
 }
