@@ -1,6 +1,7 @@
 #include "server/api/convert.h"
 
 #include <google/protobuf/descriptor.h>
+#include <google/protobuf/util/json_util.h>
 #include <google/protobuf/util/time_util.h>
 
 #include <cmath>
@@ -261,6 +262,13 @@ absl::StatusOr<v1::Job> JobToProto(const JobRecord& job) {
     ReportToProto(report, proto.mutable_report());
   }
   return proto;
+}
+
+absl::StatusOr<std::string> JobToJson(const JobRecord& job) {
+  LITAGS_ASSIGN_OR_RETURN(const v1::Job proto, JobToProto(job));
+  std::string json;
+  if (google::protobuf::util::MessageToJsonString(proto, &json).ok()) return json;
+  return absl::InternalError("the job cannot be written as JSON");
 }
 
 v1::LogEntry LogEntryToProto(const LogEntry& entry) {

@@ -36,6 +36,8 @@ std::string JobName(std::string_view id);  // "jobs/{id}"
 
 // INTERNAL (STORE_CORRUPT) if what is stored cannot be read.
 absl::StatusOr<v1::Job> JobToProto(const JobRecord& job);
+// The job as GetJob has it, as JSON.
+absl::StatusOr<std::string> JobToJson(const JobRecord& job);
 v1::LogEntry LogEntryToProto(const LogEntry& entry);
 // `preview` gets the digest of the event's picture; empty if it has none.
 absl::StatusOr<v1::JobEvent> EventToProto(const EventRecord& event, std::string* preview);

@@ -1,5 +1,5 @@
 #include "engine/pipeline/engine.h"
-#include "server/api/server_main.h"
+#include "server/main/server_main.h"
 
 int main(int argc, char** argv) {
   return litags::ServerMain(argc, argv, "litags-worker", litags::MakeEngine);

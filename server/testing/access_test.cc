@@ -13,9 +13,9 @@
 #include <set>
 
 #include "absl/strings/str_cat.h"
-#include "server/api/preflight.h"
 #include "server/api/self_call.h"
-#include "server/api/server_flags.h"
+#include "server/main/preflight.h"
+#include "server/main/server_flags.h"
 #include "server/testing/access_fixture.h"
 #include "server/testing/photos.h"
 

@@ -1,4 +1,4 @@
-#include "server/api/server_main.h"
+#include "server/main/server_main.h"
 #include "server/testing/fake_engine.h"
 
 int main(int argc, char** argv) {

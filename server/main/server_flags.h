@@ -1,5 +1,5 @@
-#ifndef LITAGS_SERVER_API_SERVER_FLAGS_H_
-#define LITAGS_SERVER_API_SERVER_FLAGS_H_
+#ifndef LITAGS_SERVER_MAIN_SERVER_FLAGS_H_
+#define LITAGS_SERVER_MAIN_SERVER_FLAGS_H_
 
 #include <string>
 
@@ -57,4 +57,4 @@ Settings::Rules ServerSettingsRules();
 
 }  // namespace litags
 
-#endif  // LITAGS_SERVER_API_SERVER_FLAGS_H_
+#endif  // LITAGS_SERVER_MAIN_SERVER_FLAGS_H_

@@ -1,4 +1,4 @@
-#include "server/api/server_flags.h"
+#include "server/main/server_flags.h"
 
 #include <CLI/CLI.hpp>
 #include <cstdlib>

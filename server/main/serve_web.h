@@ -1,11 +1,11 @@
-#ifndef LITAGS_SERVER_API_SERVE_WEB_H_
-#define LITAGS_SERVER_API_SERVE_WEB_H_
+#ifndef LITAGS_SERVER_MAIN_SERVE_WEB_H_
+#define LITAGS_SERVER_MAIN_SERVE_WEB_H_
 
 #include <memory>
 
 #include "absl/status/statusor.h"
 #include "server/api/server.h"
-#include "server/api/server_flags.h"
+#include "server/main/server_flags.h"
 #include "server/web/web_server.h"
 
 namespace litags {
@@ -20,4 +20,4 @@ absl::StatusOr<std::unique_ptr<web::WebServer>> ServeWeb(const ServerFlags& flag
 
 }  // namespace litags
 
-#endif  // LITAGS_SERVER_API_SERVE_WEB_H_
+#endif  // LITAGS_SERVER_MAIN_SERVE_WEB_H_

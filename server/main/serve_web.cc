@@ -1,4 +1,4 @@
-#include "server/api/serve_web.h"
+#include "server/main/serve_web.h"
 
 #include <cstdio>
 

@@ -1,10 +1,10 @@
-#ifndef LITAGS_SERVER_API_PREFLIGHT_H_
-#define LITAGS_SERVER_API_PREFLIGHT_H_
+#ifndef LITAGS_SERVER_MAIN_PREFLIGHT_H_
+#define LITAGS_SERVER_MAIN_PREFLIGHT_H_
 
 #include <string>
 
 #include "absl/status/status.h"
-#include "server/api/server_flags.h"
+#include "server/main/server_flags.h"
 
 namespace litags {
 
@@ -24,4 +24,4 @@ bool Preflight(const ServerFlags& flags, const std::string& worker_program);
 
 }  // namespace litags
 
-#endif  // LITAGS_SERVER_API_PREFLIGHT_H_
+#endif  // LITAGS_SERVER_MAIN_PREFLIGHT_H_

@@ -1,5 +1,5 @@
-#ifndef LITAGS_SERVER_API_SERVER_MAIN_H_
-#define LITAGS_SERVER_API_SERVER_MAIN_H_
+#ifndef LITAGS_SERVER_MAIN_SERVER_MAIN_H_
+#define LITAGS_SERVER_MAIN_SERVER_MAIN_H_
 
 #include "server/worker/worker.h"
 
@@ -11,4 +11,4 @@ int ServerMain(int argc, char** argv, const char* worker_program, EngineFactory 
 
 }  // namespace litags
 
-#endif  // LITAGS_SERVER_API_SERVER_MAIN_H_
+#endif  // LITAGS_SERVER_MAIN_SERVER_MAIN_H_

@@ -1,4 +1,4 @@
-#include "server/api/preflight.h"
+#include "server/main/preflight.h"
 
 #include <sys/statvfs.h>
 #include <unistd.h>
@@ -11,11 +11,11 @@
 #include "engine/core/sandbox.h"
 #include "engine/io/file_util.h"
 #include "engine/sfm/colmap_version.h"
-#include "server/api/serve_web.h"
 #include "server/auth/authenticator.h"
 #include "server/auth/tls.h"
 #include "server/jobs/placement.h"
 #include "server/jobs/webhook.h"
+#include "server/main/serve_web.h"
 #include "server/store/data_dir.h"
 #include "server/store/open_stores.h"
 #include "server/worker/hardening.h"
