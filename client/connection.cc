@@ -99,6 +99,7 @@ absl::StatusOr<std::string> TargetOf(const std::vector<std::string>& servers) {
 }
 
 bool IsLoopback(const std::string& server) {
+  if (server.starts_with("unix:")) return true;
   const std::string host = HostOf(server);
   return host == "localhost" || host == "[::1]" ||
          (host.starts_with("127.") && host.find_first_not_of("0123456789.") == std::string::npos);

@@ -11,8 +11,9 @@
 namespace litags::client {
 
 struct ConnectionOptions {
-  // host:port; several, separated by commas, of one service: the first that answers, in an order
-  // that is another one in every process, is used until it does not answer any more.
+  // host:port, or unix:path on this machine; several, separated by commas, of one service: the
+  // first that answers, in an order that is another one in every process, is used until it does not
+  // answer any more.
   std::string server = {};
   bool tls = false;  // with the system's root certificates; also turned on by those below
   // Paths of PEM files; empty: none.

@@ -70,6 +70,7 @@ TEST(Connection, FilesAndTokensThatCannotBeUsedAreNamedWithTheirFlag) {
     EXPECT_EQ(status.message().find("secret"), absl::string_view::npos);
   }
   EXPECT_TRUE(Connect({.server = "example.org:1", .tls = true, .token = "secret"}).ok());
+  EXPECT_TRUE(Connect({.server = "unix:/run/litags.sock", .token = "secret"}).ok());
   std::remove(file.c_str());
 }
 

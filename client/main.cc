@@ -53,7 +53,8 @@ void HandleSignals(Interrupt& interrupt) {
 
 void AddConnectionOptions(CLI::App& app, litags::client::ConnectionOptions& options) {
   app.add_option("--server", options.server,
-                 "Address of the server, host:port; several of one service as host:port,host:port")
+                 "Address of the server, host:port, or unix:PATH on this machine; several of one "
+                 "service as host:port,host:port")
       ->envname("LITAGS_SERVER")
       ->default_val("127.0.0.1:50051");
   app.add_flag("--tls", options.tls, "Encrypt, trusting the system's root certificates")
