@@ -39,13 +39,11 @@ constexpr int64_t kNoLast = 0;
 }  // namespace
 
 bool MayBeTriedAgain(const absl::Status& status) {
-  constexpr std::string_view kBusy[] = {
-      "RENDER_QUEUE_FULL", "SERVER_BUSY",     "UPLOAD_STALLED",       "OFFSET_INVALID",
-      "TOO_MANY_STREAMS",  "WAITED_TOO_LONG", "PICTURE_RATE_EXCEEDED"};
   const std::string reason = DetailOf(status).reason();
-  return absl::IsUnavailable(status) || absl::IsCancelled(status) ||
+  return absl::IsUnavailable(status) || absl::IsCancelled(status) || HasRetryInfo(status) ||
          (absl::IsDeadlineExceeded(status) && reason.empty()) ||
-         std::find(std::begin(kBusy), std::end(kBusy), reason) != std::end(kBusy);
+         // What came is kept, and another stream sends the rest.
+         reason == "UPLOAD_STALLED" || reason == "OFFSET_INVALID";
 }
 
 std::string JobName(std::string_view job) {
@@ -363,15 +361,10 @@ absl::Status Client::ExportModel(const v1::ExportModelRequest& request,
   });
 }
 
-absl::StatusOr<bool> Client::IsServing(const std::string& service) {
-  // HealthCheckRequest { string service = 1; } and HealthCheckResponse { Status status = 1; } with
-  // SERVING = 1, by hand: no package installs their C++ classes.
-  std::string request_bytes;
-  if (!service.empty()) {
-    request_bytes =
-        absl::StrCat("\x0a", std::string(1, static_cast<char>(service.size())), service);
-  }
-  const grpc::Slice slice(request_bytes);
+absl::StatusOr<bool> Client::IsServing() {
+  // An empty HealthCheckRequest, and HealthCheckResponse { Status status = 1; } with SERVING = 1,
+  // by hand: no package installs their C++ classes.
+  const grpc::Slice slice;
   std::string response_bytes;
   const absl::Status status = Retry([&](bool*) {
     grpc::ClientContext context;

@@ -97,8 +97,8 @@ class Client {
                            absl::FunctionRef<absl::Status(const v1::ExportHeader&)> on_header,
                            absl::FunctionRef<absl::Status(std::string_view bytes)> on_bytes);
 
-  // grpc.health.v1: whether the server says SERVING for `service` ("" for the whole server).
-  absl::StatusOr<bool> IsServing(const std::string& service);
+  // grpc.health.v1: whether the server says SERVING of all that it serves.
+  absl::StatusOr<bool> IsServing();
 
   // Runs `attempt` again while its connection is broken, as ClientOptions says; `attempt` sets its
   // argument to true when it got further than before.

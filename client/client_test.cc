@@ -258,6 +258,17 @@ TEST_F(ClientTest, AServerThatStartsAtThatMomentIsWaitedFor) {
   EXPECT_EQ(tries, 1);
 }
 
+TEST_F(ClientTest, WhatTheServiceSaysToTryAgainIsTriedAgainWhateverItsReason) {
+  const grpc::Status refusal = Refusal(grpc::RESOURCE_EXHAUSTED, "NEW_LIMIT_REACHED", "");
+  EXPECT_FALSE(MayBeTriedAgain(FromGrpc(refusal)));
+  v1::RpcStatus details;
+  ASSERT_TRUE(details.ParseFromString(refusal.error_details()));
+  details.add_details()->set_type_url("type.googleapis.com/google.rpc.RetryInfo");
+  const absl::Status busy = FromGrpc({grpc::RESOURCE_EXHAUSTED, "", details.SerializeAsString()});
+  EXPECT_TRUE(MayBeTriedAgain(busy));
+  EXPECT_EQ(DetailOf(busy).reason(), "NEW_LIMIT_REACHED");
+}
+
 TEST_F(ClientTest, ABrokenConnectionIsGivenUpInTheEnd) {
   ASSERT_TRUE(client_->GetJob("jobs/1").ok());
   ClientOptions options;

@@ -8,6 +8,7 @@ namespace litags::client {
 namespace {
 
 constexpr char kDetailUrl[] = "type.googleapis.com/litags.v1.ErrorDetail";
+constexpr char kRetryUrl[] = "type.googleapis.com/google.rpc.RetryInfo";
 
 absl::Status WithDetail(absl::Status status, const v1::ErrorDetail& detail) {
   if (!status.ok()) status.SetPayload(kDetailUrl, absl::Cord(detail.SerializeAsString()));
@@ -22,9 +23,10 @@ absl::Status FromGrpc(const grpc::Status& status) {
   absl::Status result(static_cast<absl::StatusCode>(status.error_code()), status.error_message());
   v1::RpcStatus rpc_status;
   if (!rpc_status.ParseFromString(status.error_details())) return result;
-  v1::ErrorDetail detail;
   for (const auto& any : rpc_status.details()) {
-    if (any.Is<v1::ErrorDetail>() && any.UnpackTo(&detail)) return WithDetail(result, detail);
+    v1::ErrorDetail detail;
+    if (any.Is<v1::ErrorDetail>() && any.UnpackTo(&detail)) result = WithDetail(result, detail);
+    if (any.type_url() == kRetryUrl) result.SetPayload(kRetryUrl, absl::Cord(any.value()));
   }
   return result;
 }
@@ -43,5 +45,7 @@ v1::ErrorDetail DetailOf(const absl::Status& status) {
   if (payload && !detail.ParseFromString(std::string(*payload))) detail.Clear();
   return detail;
 }
+
+bool HasRetryInfo(const absl::Status& status) { return status.GetPayload(kRetryUrl).has_value(); }
 
 }  // namespace litags::client

@@ -10,7 +10,8 @@
 
 namespace litags::client {
 
-// Why a call to the service failed, with the ErrorDetail of its grpc-status-details-bin trailer.
+// Why a call to the service failed, with the ErrorDetail of its grpc-status-details-bin trailer,
+// and whether there was a google.rpc.RetryInfo.
 absl::Status FromGrpc(const grpc::Status& status);
 
 // An error found on this side of the wire; same shape as those of the service. `message` says
@@ -25,6 +26,9 @@ inline absl::Status BadInput(std::string_view reason, std::string_view field,
 
 // The detail of an error; empty fields if it has none.
 v1::ErrorDetail DetailOf(const absl::Status& status);
+
+// Whether the service said that the same call may succeed later.
+bool HasRetryInfo(const absl::Status& status);
 
 }  // namespace litags::client
 
