@@ -58,8 +58,8 @@ void RemoveUnstarted(Session& session, const std::string& job, const absl::Statu
 // A line to stderr.
 void Note(std::string_view text);
 
-// To stdout; in one line, or indented.
-void PrintJson(const google::protobuf::Message& message, bool pretty);
+// In one line, or indented.
+void PrintJson(const google::protobuf::Message& message, bool pretty, std::FILE* out = stdout);
 
 // Says on stderr where a job stands in the queue, or what it needs and no worker has.
 void NoteWaiting(Session& session, const std::string& job);

@@ -26,20 +26,6 @@ struct ExportArgs {
   int64_t max_splats = 0;
 };
 
-absl::Status ParseCorner(const std::string& text, v1::Vector3* corner) {
-  const auto numbers = ParseNumbers(text, "--crop");
-  if (!numbers.ok()) return numbers.status();
-  if (numbers->size() != 3) {
-    return BadInput("VECTOR_INVALID", "--crop",
-                    absl::StrCat("--crop: \"", text, "\" holds ", numbers->size(),
-                                 " numbers; give three for each corner, as x,y,z"));
-  }
-  corner->set_x((*numbers)[0]);
-  corner->set_y((*numbers)[1]);
-  corner->set_z((*numbers)[2]);
-  return absl::OkStatus();
-}
-
 absl::StatusOr<v1::ExportModelRequest> RequestOf(const ExportArgs& args) {
   v1::ExportModelRequest request;
   request.set_name(args.job);
@@ -57,9 +43,11 @@ absl::StatusOr<v1::ExportModelRequest> RequestOf(const ExportArgs& args) {
   }
   if (args.scale.has_value()) request.set_scale(*args.scale);
   if (!args.crop.empty()) {
-    absl::Status corners = ParseCorner(args.crop[0], request.mutable_crop()->mutable_min());
-    corners.Update(ParseCorner(args.crop[1], request.mutable_crop()->mutable_max()));
-    if (!corners.ok()) return corners;
+    const auto min = ParseVector(args.crop[0], "--crop"), max = ParseVector(args.crop[1], "--crop");
+    if (!min.ok()) return min.status();
+    if (!max.ok()) return max.status();
+    *request.mutable_crop()->mutable_min() = *min;
+    *request.mutable_crop()->mutable_max() = *max;
   }
   request.set_max_splats(args.max_splats);
   request.set_antialiased(args.antialiased);

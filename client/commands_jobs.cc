@@ -68,13 +68,6 @@ int List(Session& session, v1::ListJobsRequest request, int limit, bool json) {
   return kExitOk;
 }
 
-std::string LabelsText(const v1::Job& job) {
-  std::vector<std::string> texts;
-  for (const auto& [key, value] : job.labels()) texts.push_back(absl::StrCat(key, "=", value));
-  std::sort(texts.begin(), texts.end());
-  return absl::StrJoin(texts, " ");
-}
-
 // "method=litags tone=capture iterations=10000 ...", the values as the command line takes them.
 std::string OptionsText(const v1::JobOptions& options) {
   std::vector<std::string> texts;
@@ -180,12 +173,12 @@ void AddDelete(CLI::App& app, Session& session) {
 
 }  // namespace
 
-void PrintJson(const google::protobuf::Message& message, bool pretty) {
+void PrintJson(const google::protobuf::Message& message, bool pretty, std::FILE* out) {
   google::protobuf::util::JsonPrintOptions options;
   options.add_whitespace = pretty;
   std::string text;
   (void)google::protobuf::util::MessageToJsonString(message, &text, options);
-  std::printf("%s%s", text.c_str(), pretty ? "" : "\n");
+  std::fprintf(out, "%s%s", text.c_str(), pretty ? "" : "\n");
 }
 
 void AddJobCommands(CLI::App& app, Session& session) {

@@ -1,5 +1,4 @@
 // litags render, path, cameras: pictures of a scene.
-#include <google/protobuf/util/json_util.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -266,9 +265,7 @@ int Cameras(Session& session, const std::string& job, bool json) {
   const auto list = session.client().ListCameras(job);
   if (!list.ok()) return ReportError(session, list.status(), job);
   if (json) {
-    std::string text;
-    (void)google::protobuf::util::MessageToJsonString(*list, &text);
-    std::printf("%s\n", text.c_str());
+    PrintJson(*list, /*pretty=*/false);
     return kExitOk;
   }
   size_t widest = 28;

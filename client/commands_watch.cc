@@ -1,5 +1,4 @@
 // litags watch: a job's events as they come.
-#include <google/protobuf/util/json_util.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -23,9 +22,7 @@ class EventPrinter {
 
   void Print(const v1::JobEvent& event) {
     if (json_) {
-      std::string text;
-      (void)google::protobuf::util::MessageToJsonString(event, &text);
-      std::fprintf(out_, "%s\n", text.c_str());
+      PrintJson(event, /*pretty=*/false, out_);
     } else if (!terminal_) {
       std::fprintf(out_, "%s\n", EventLine(event).c_str());
     } else if (event.has_progress()) {

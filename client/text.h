@@ -16,6 +16,7 @@ using report::Counted;
 using report::CountText;
 using report::DurationText;
 using report::IsUtf8;
+using report::LabelsText;
 using report::Padded;
 using report::Printable;
 using report::SecondsOf;

@@ -22,19 +22,23 @@ namespace {
 
 constexpr int64_t kMaxPoseFileBytes = 64 << 10;
 
-absl::StatusOr<v1::Vector3> ParseVector(const std::string& text, const std::string& field) {
-  const auto numbers = ParseNumbers(text, field);
-  if (!numbers.ok()) return numbers.status();
-  if (numbers->size() != 3) {
-    return BadInput("VECTOR_INVALID", field,
-                    absl::StrCat(field, ": \"", text, "\" holds ",
-                                 Counted(numbers->size(), "number"), "; give three, as x,y,z"));
+// Numbers separated by spaces, commas, semicolons or brackets. INVALID_ARGUMENT (NUMBER_INVALID)
+// naming the one that is none.
+absl::StatusOr<std::vector<double>> ParseNumbers(const std::string& text,
+                                                 const std::string& field) {
+  std::vector<double> numbers;
+  for (const auto& word :
+       absl::StrSplit(text, absl::ByAnyChar(" ,;[]()\t\r\n"), absl::SkipEmpty())) {
+    const std::string number(word);
+    char* end = nullptr;
+    numbers.push_back(std::strtod(number.c_str(), &end));
+    if (*end != '\0') {
+      return BadInput("NUMBER_INVALID", field,
+                      absl::StrCat(field, ": \"", number,
+                                   "\" is neither a number nor a file; check the spelling"));
+    }
   }
-  v1::Vector3 vector;
-  vector.set_x((*numbers)[0]);
-  vector.set_y((*numbers)[1]);
-  vector.set_z((*numbers)[2]);
-  return vector;
+  return numbers;
 }
 
 // The 16 numbers themselves or, if the one word names a file, what the file holds.
@@ -116,21 +120,19 @@ absl::Status ParseChannel(const std::string& text, v1::RenderSettings* settings)
 
 }  // namespace
 
-absl::StatusOr<std::vector<double>> ParseNumbers(const std::string& text,
-                                                 const std::string& field) {
-  std::vector<double> numbers;
-  for (const auto& word :
-       absl::StrSplit(text, absl::ByAnyChar(" ,;[]()\t\r\n"), absl::SkipEmpty())) {
-    const std::string number(word);
-    char* end = nullptr;
-    numbers.push_back(std::strtod(number.c_str(), &end));
-    if (*end != '\0') {
-      return BadInput("NUMBER_INVALID", field,
-                      absl::StrCat(field, ": \"", number,
-                                   "\" is neither a number nor a file; check the spelling"));
-    }
+absl::StatusOr<v1::Vector3> ParseVector(const std::string& text, const std::string& field) {
+  const auto numbers = ParseNumbers(text, field);
+  if (!numbers.ok()) return numbers.status();
+  if (numbers->size() != 3) {
+    return BadInput("VECTOR_INVALID", field,
+                    absl::StrCat(field, ": \"", text, "\" holds ",
+                                 Counted(numbers->size(), "number"), "; give three, as x,y,z"));
   }
-  return numbers;
+  v1::Vector3 vector;
+  vector.set_x((*numbers)[0]);
+  vector.set_y((*numbers)[1]);
+  vector.set_z((*numbers)[2]);
+  return vector;
 }
 
 absl::StatusOr<v1::RenderSettings> ParseSettings(const SettingsArgs& args) {

@@ -35,9 +35,9 @@ struct PoseArgs {
 absl::StatusOr<v1::RenderSettings> ParseSettings(const SettingsArgs& args);
 absl::StatusOr<v1::Pose> ParsePose(const PoseArgs& args);
 
-// Numbers separated by spaces, commas, semicolons or brackets. INVALID_ARGUMENT (NUMBER_INVALID)
-// naming the one that is none.
-absl::StatusOr<std::vector<double>> ParseNumbers(const std::string& text, const std::string& field);
+// Three numbers separated by spaces, commas, semicolons or brackets. INVALID_ARGUMENT
+// (NUMBER_INVALID, VECTOR_INVALID) naming `field`.
+absl::StatusOr<v1::Vector3> ParseVector(const std::string& text, const std::string& field);
 
 }  // namespace litags::client
 

@@ -51,8 +51,6 @@ Eigen::Vector2d OnPlan(const Eigen::Vector2d& at, const Eigen::AlignedBox2d& box
   return {kSide / 2 + shifted.x(), kSide / 2 - shifted.y()};
 }
 
-std::string Px(double value) { return absl::StrFormat("%.1f", value); }
-
 Html Plan(const v1::ListCamerasResponse& cameras) {
   const std::vector<Stand> stands = StandsOf(cameras);
   if (stands.empty()) return {};
@@ -100,11 +98,6 @@ std::string SizesText(const v1::ListCamerasResponse& cameras) {
     texts.push_back(absl::StrCat(more, " other sizes"));
   }
   return absl::StrJoin(texts, ", ");
-}
-
-Html Fact(const std::string& name, const std::string& value) {
-  if (value.empty()) return {};
-  return El("div", {}, {El("dt", {}, {name}), El("dd", {}, {value})});
 }
 
 Html LeftOutTable(const std::vector<LeftOut>& left_out) {

@@ -19,8 +19,6 @@ constexpr size_t kMostPoints = 400;  // nearly one a px
 // Of a curve that is flat, or one point: the range of values around it, as a share of them.
 constexpr double kLeastRange = 0.01;
 
-std::string Px(double value) { return absl::StrFormat("%.1f", value); }
-
 // "0.25", "1.5k".
 std::string Short(double value) {
   if (std::abs(value) >= 1000) return absl::StrFormat("%.4gk", value / 1000);

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
 #include "client/report/text.h"
 
@@ -47,5 +48,12 @@ Html El(std::string_view tag, const std::vector<Attribute>& attributes,
   absl::StrAppend(&html.markup_, "</", name, ">");
   return html;
 }
+
+Html Fact(const std::string& name, const std::string& value) {
+  if (value.empty()) return {};
+  return El("div", {}, {El("dt", {}, {name}), El("dd", {}, {value})});
+}
+
+std::string Px(double value) { return absl::StrFormat("%.1f", value); }
 
 }  // namespace litags::report

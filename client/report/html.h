@@ -43,6 +43,12 @@ class Html {
 Html El(std::string_view tag, const std::vector<Attribute>& attributes = {},
         const std::vector<Html>& children = {});
 
+// A name and its value, in a <dl>; nothing without a value.
+Html Fact(const std::string& name, const std::string& value);
+
+// "12.5": a length of a drawing, as its attributes take it.
+std::string Px(double value);
+
 }  // namespace litags::report
 
 #endif  // LITAGS_CLIENT_REPORT_HTML_H_

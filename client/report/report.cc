@@ -5,7 +5,6 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
 #include "client/report/cameras.h"
 #include "client/report/chart.h"
 #include "client/report/html.h"
@@ -33,12 +32,6 @@ std::string DecibelText(double value) { return absl::StrFormat("%.2f dB", value)
 std::string TimeInUtc(const google::protobuf::Timestamp& time) {
   const std::string text = TimeText(time);
   return text.empty() ? "" : text + " UTC";
-}
-
-// A name and its value; nothing without a value.
-Html Fact(const std::string& name, const std::string& value) {
-  if (value.empty()) return {};
-  return El("div", {}, {El("dt", {}, {name}), El("dd", {}, {value})});
 }
 
 Html Heading(const v1::Job& job) {
@@ -178,13 +171,6 @@ Html NotesSection(const std::vector<std::string>& notes) {
   Html items;
   for (const std::string& note : notes) items += El("li", {}, {note});
   return El("section", {}, {El("h2", {}, {"Notes"}), El("ul", {}, {items})});
-}
-
-std::string LabelsText(const v1::Job& job) {
-  std::vector<std::string> texts;
-  for (const auto& [key, value] : job.labels()) texts.push_back(absl::StrCat(key, "=", value));
-  std::sort(texts.begin(), texts.end());
-  return absl::StrJoin(texts, " ");
 }
 
 Html OriginSection(const ReportData& data) {

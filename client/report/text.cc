@@ -6,10 +6,12 @@
 #include <cmath>
 #include <ctime>
 #include <iterator>
+#include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 
 namespace litags::report {
 namespace {
@@ -117,6 +119,13 @@ std::string StageText(v1::Stage stage) { return WordOf(*v1::Stage_descriptor(), 
 
 bool IsOfVideo(const v1::Job& job) {
   return job.photos() == 0 && job.bytes() > 0 && job.state() != v1::JOB_STATE_UPLOADING;
+}
+
+std::string LabelsText(const v1::Job& job) {
+  std::vector<std::string> texts;
+  for (const auto& [key, value] : job.labels()) texts.push_back(absl::StrCat(key, "=", value));
+  std::sort(texts.begin(), texts.end());
+  return absl::StrJoin(texts, " ");
 }
 
 std::string TimeText(const google::protobuf::Timestamp& time) {

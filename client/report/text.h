@@ -20,7 +20,7 @@ std::string DurationText(double seconds);
 std::string CountText(int64_t count);
 // "1 photo", "2 photos"; `noun` is that of one thing, and takes an s for more.
 std::string Counted(int64_t count, const char* noun);
-// "812 B", "3.4 MB"; decimal units.
+// "812 B", "3.4 MiB"; binary units.
 std::string BytesText(int64_t bytes);
 // METHOD_LITAGS_PAPER as "litags-paper": without the enum's name, which all its values begin with.
 std::string EnumWord(const google::protobuf::EnumValueDescriptor& value);
@@ -29,6 +29,8 @@ std::string StateText(v1::JobState state);
 std::string StageText(v1::Stage stage);
 // Whether it was made from a video: that is no photo, and its frames are no uploaded files.
 bool IsOfVideo(const v1::Job& job);
+// "by=ann site=north".
+std::string LabelsText(const v1::Job& job);
 // "2024-05-01 12:00:03" in UTC; "" if not set.
 std::string TimeText(const google::protobuf::Timestamp& time);
 
