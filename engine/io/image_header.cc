@@ -38,8 +38,9 @@ bool IsStartOfFrame(uint8_t marker) {
          (marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC);
 }
 
-// A whole JPEG of a kind that libjpeg does not decode, which it would call damaged. Decoded are
-// baseline, extended and progressive ones, and those of arithmetic coding.
+// A whole JPEG of a kind that libjpeg does not decode, which it would call damaged. It decodes
+// baseline, extended and progressive ones, and those of arithmetic coding, which JpegCoefficients
+// refuses by name.
 absl::Status CheckJpegKind(uint8_t start_of_frame, uint8_t depth, std::string_view field) {
   constexpr std::string_view kDecoded = "\xC0\xC1\xC2\xC9\xCA";
   if (kDecoded.find(static_cast<char>(start_of_frame)) == std::string_view::npos) {

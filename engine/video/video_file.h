@@ -64,8 +64,8 @@ class VideoFile {
   virtual Photo Picture() const = 0;
 };
 
-// A look at the head: what it is, and that its first frame can be decoded. Errors as above;
-// TOO_FEW_FRAMES if it has fewer than kMinPhotos frames.
+// A look at the head: what it is, and that its first kMinPhotos frames can be decoded. Errors as
+// above; TOO_FEW_FRAMES if it has fewer.
 absl::StatusOr<VideoInfo> CheckVideo(std::string_view bytes, const std::string& field);
 
 }  // namespace litags
