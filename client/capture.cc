@@ -415,11 +415,11 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
 }
 
 std::string DefaultTitle(const std::string& photos_dir) {
-  constexpr size_t kMostBytes = 200;  // CreateJobRequest.display_name
   fs::path path = fs::absolute(photos_dir).lexically_normal();
   if (!path.has_filename()) path = path.parent_path();  // "photos/"
   const std::string name = path.filename().string();
-  return name.size() > kMostBytes || Printable(name) != name || name.find('\n') != std::string::npos
+  return name.size() > v1::kMaxDisplayNameBytes || Printable(name) != name ||
+                 name.find('\n') != std::string::npos
              ? ""
              : name;
 }

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/utf8.h"
+#include "proto/litags/v1/limits.h"
 #include "server/api/convert.h"
 #include "server/jobs/codec.h"
 #include "server/store/digest.h"
@@ -18,7 +19,6 @@ namespace litags {
 namespace {
 
 constexpr size_t kMaxRequestIdLength = 64;
-constexpr size_t kMaxDisplayNameBytes = 200;
 constexpr size_t kMaxContentDigestBytes = 64;
 
 // Lists and logs, also an administrator's, show it as it is.
@@ -32,10 +32,10 @@ absl::Status CheckText(const std::string& text, const char* field) {
 
 absl::Status CheckDisplayName(const std::string& name, const char* field) {
   LITAGS_RETURN_IF_ERROR(CheckText(name, field));
-  if (name.size() <= kMaxDisplayNameBytes) return absl::OkStatus();
+  if (name.size() <= v1::kMaxDisplayNameBytes) return absl::OkStatus();
   return InvalidInput("DISPLAY_NAME_TOO_LONG", field,
                       absl::StrCat(field, " has ", name.size(), " bytes; at most ",
-                                   kMaxDisplayNameBytes, " are allowed"));
+                                   v1::kMaxDisplayNameBytes, " are allowed"));
 }
 
 // Whether all are set, as in Job.options: they are those of a job, some changed.

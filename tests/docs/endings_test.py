@@ -1,4 +1,5 @@
-"""docs/inputs.md and docs/video.md name the endings of photos and videos that client, server and engine take, and no other."""
+"""docs/inputs.md and docs/video.md name the endings of photos and videos that client, server and engine take,
+and no other. The page in the browser takes the same, and titles as long."""
 
 import os
 import pathlib
@@ -36,6 +37,20 @@ class EndingsTest(unittest.TestCase):
         page = SOURCE.joinpath("docs/video.md").read_text()
         row = re.search(r"^\| Endings \|([^|]*)\|", page, re.MULTILINE)[1]
         self.assertEqual(sorted(endings(row)), sorted(service))
+
+    def test_the_page_in_the_browser_has_the_limits_of_the_service(self):
+        app = SOURCE / "server/web/app/src"
+        limits = SOURCE.joinpath("proto/litags/v1/limits.h").read_text()
+        upload = app.joinpath("upload.ts").read_text()
+        for kind in ("Photo", "Video", "Archive"):
+            taken = re.search(rf"k{kind} = /(.*)/i;", upload)[1]
+            service = re.findall(r'"(.*?)"', re.search(rf"k{kind}Endings = {{(.*?)}}", limits, re.DOTALL)[1])
+            for ending in service:
+                self.assertRegex("a" + ending, taken)
+            # "jpe?g|tiff?": one for each word, and one more for each letter that may lack.
+            self.assertEqual(1 + taken.count("|") + taken.count("?"), len(service), kind)
+        title = re.search(r"kTitleBytes = (\d+);", app.joinpath("format.ts").read_text())[1]
+        self.assertEqual(re.search(r"kMaxDisplayNameBytes = (\d+);", limits)[1], title)
 
 
 if __name__ == "__main__":

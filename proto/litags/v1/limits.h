@@ -11,6 +11,7 @@ namespace litags::v1 {
 inline constexpr int kMaxAnswerBytes = 256 << 20;  // raw floats of a 16-megapixel picture: 192 MiB
 inline constexpr size_t kMaxChunkBytes = size_t{1} << 20;  // of an upload
 inline constexpr int kMaxQueryFiles = 1000;                // QueryUploadRequest.files
+inline constexpr size_t kMaxDisplayNameBytes = 200;
 
 // How names of files end, lower case, by FileRole.
 inline constexpr std::array<std::string_view, 24> kPhotoEndings = {
