@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/core/check.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
 #include "engine/surface/grid.h"
@@ -28,7 +29,7 @@ bool MaySee(const Camera& camera, const Point& center, double radius) {
   if (nearest <= 0) return true;
   const double rx = camera.fx * radius * (1 + std::abs(x) / z) / nearest,
                ry = camera.fy * radius * (1 + std::abs(y) / z) / nearest;
-  const double u = camera.fx * x / z + camera.cx, v = camera.fy * y / z + camera.cy;
+  const auto [u, v] = camera.Project(center);
   return u + rx > 0 && u - rx < camera.width && v + ry > 0 && v - ry < camera.height;
 }
 
@@ -111,7 +112,7 @@ void TsdfVolume::Observe(const Input& input, const Point& p, Voxel* voxel) const
   const SurfacePicture& picture = *input.picture;
   const Camera& camera = picture.camera;
   if (!(p[2] > 0)) return;
-  const double u = camera.fx * p[0] / p[2] + camera.cx, v = camera.fy * p[1] / p[2] + camera.cy;
+  const auto [u, v] = camera.Project(p);
   if (!(u >= 0 && v >= 0 && u < camera.width && v < camera.height)) return;
   const int x = static_cast<int>(u), y = static_cast<int>(v);
   const float depth = picture.depth.at(0, y, x), facing = input.facing.at(0, y, x);
@@ -154,6 +155,7 @@ void TsdfVolume::Add(const Input& input, size_t b) {
 
 absl::Status TsdfVolume::Fuse(const std::vector<SurfacePicture>& pictures,
                               const TsdfOptions& options) {
+  LITAGS_CHECK(pictures.size() <= kMostPictures);
   options_ = options;
   blocks_.clear();
   voxels_.clear();

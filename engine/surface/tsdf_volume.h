@@ -45,7 +45,9 @@ class TsdfVolume {
   static constexpr int kVoxels = kSide * kSide * kSide;
   using Index = std::array<int32_t, 3>;  // of a block or a voxel, counted from the centre
 
-  // Fuses at most 255 pictures; all of them have the same say. CANCELLED leaves it unfinished.
+  // Voxel counts pictures in bytes.
+  static constexpr size_t kMostPictures = 255;
+  // Fuses at most kMostPictures; all of them have the same say. CANCELLED leaves it unfinished.
   absl::Status Fuse(const std::vector<SurfacePicture>& pictures, const TsdfOptions& options);
 
   size_t num_blocks() const { return blocks_.size(); }

@@ -55,6 +55,14 @@ TEST(TsdfVolume, WithoutKnownPixelsThereIsNothing) {
   EXPECT_EQ(Fused({}).num_blocks(), 0u);
 }
 
+TEST(TsdfVolumeDeathTest, MorePicturesThanAVoxelCountsAreRefused) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  std::vector<SurfacePicture> pictures(TsdfVolume::kMostPictures);
+  EXPECT_EQ(Fused(pictures).num_blocks(), 0u);
+  pictures.emplace_back();
+  EXPECT_DEATH(Fused(pictures), "kMostPictures");
+}
+
 TEST(TsdfVolume, CancelledSoon) {
   TsdfOptions options;
   options.cancel.Cancel();
