@@ -6,6 +6,8 @@
 #include <limits>
 #include <utility>
 
+#include "engine/core/quantile.h"
+
 namespace litags {
 namespace {
 
@@ -43,12 +45,6 @@ Distinct DistinctOf(absl::Span<const std::array<double, 3>> places) {
     if (same == out.places.end()) out.places.push_back(place);
   }
   return out;
-}
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + values.size() / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // Of places that are all different.

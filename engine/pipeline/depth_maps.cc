@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
+#include "engine/core/quantile.h"
 #include "engine/core/spread_indices.h"
 #include "engine/depth/depth_provider.h"
 #include "engine/depth/network_depth.h"
@@ -221,15 +222,14 @@ absl::Status CheckGrowWithDistance(const std::vector<PosedPhoto>& photos, const 
     if (of_photo.size() >= kEnough) correlations.push_back(RankCorrelation(std::move(of_photo)));
   }
   if (correlations.empty()) return absl::OkStatus();
-  const auto middle = correlations.begin() + static_cast<ptrdiff_t>(correlations.size() / 2);
-  std::nth_element(correlations.begin(), middle, correlations.end());
-  if (*middle >= kInverse) return absl::OkStatus();
+  const double middle = MedianInPlace(correlations);
+  if (middle >= kInverse) return absl::OkStatus();
   return InvalidInput(
       "DEPTH_MAP_INVERSE", "depth_dir",
       absl::StrFormat("the depth maps are larger where things are nearer (rank correlation with "
                       "the points that photos saw: %.2f): these are inverse depths; give 1/x, or "
                       "choose another depth source",
-                      *middle));
+                      middle));
 }
 
 void ForgetMasked(const PlaneU8& mask, DepthMap* map) {

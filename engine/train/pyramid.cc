@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "engine/core/mask.h"
+#include "engine/core/quantile.h"
 #include "engine/core/splats.h"
 #include "engine/train/crop.h"
 
@@ -123,9 +124,7 @@ ViewPyramid::ViewPyramid(const std::vector<TrainView>* views, const TrainOptions
   for (const TrainView& v : *views) {
     levels.push_back(LevelsOf(v.view.camera, options.recipe.coarse_levels));
   }
-  const auto median = levels.begin() + static_cast<ptrdiff_t>(levels.size() / 2);
-  std::nth_element(levels.begin(), median, levels.end());
-  levels_ = *median;
+  levels_ = MedianInPlace(levels);
   for (const TrainView& v : *views) {
     std::vector<TrainView>& smaller = smaller_.emplace_back();
     for (int level = 0; level < LevelsOf(v.view.camera, levels_); ++level) {

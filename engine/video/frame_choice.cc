@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <opencv2/imgproc.hpp>
 
+#include "engine/core/quantile.h"
+
 namespace litags {
 namespace {
 
@@ -64,8 +66,7 @@ double MedianShift(const cv::Mat& from, const cv::Mat& to) {
     shifts.push_back(best < kFound ? kReach : std::hypot(at.x - kReach, at.y - kReach));
   }
   if (shifts.size() < kFewBlocks) return -1;
-  std::nth_element(shifts.begin(), shifts.begin() + shifts.size() / 2, shifts.end());
-  return shifts[shifts.size() / 2];
+  return MedianInPlace(shifts);
 }
 
 }  // namespace
