@@ -25,12 +25,9 @@ struct Place {
 };
 
 Place PlaceIn(const Camera& from, const Camera& to, double x, double y, double depth) {
-  const std::array<double, 3> p = {(x - to.cx) / to.fx * depth - to.t[0],
-                                   (y - to.cy) / to.fy * depth - to.t[1], depth - to.t[2]};
-  std::array<double, 3> world;
-  for (int i = 0; i < 3; ++i) world[i] = to.R[i] * p[0] + to.R[3 + i] * p[1] + to.R[6 + i] * p[2];
-  const std::array<double, 3> q = from.CamFromWorld(world);
-  return {from.fx * q[0] / q[2] + from.cx, from.fy * q[1] / q[2] + from.cy, q[2]};
+  const auto p = from.CamFromWorld(to.WorldFromCam(to.Unproject(x, y, depth)));
+  const auto [u, v] = from.Project(p);
+  return {u, v, p[2]};
 }
 
 std::array<double, 4> CatmullRomWeights(double u) {

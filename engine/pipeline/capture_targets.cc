@@ -34,9 +34,8 @@ std::vector<PointSighting> Sightings(const PosedPhotos& posed) {
       const Camera& camera = posed.views[photo].camera;
       const auto xyz = camera.CamFromWorld(model.points[p].xyz);
       if (xyz[2] <= 0) continue;
-      sightings.push_back({static_cast<int>(p), photo, camera.fx * xyz[0] / xyz[2] + camera.cx,
-                           camera.fy * xyz[1] / xyz[2] + camera.cy,
-                           std::hypot(xyz[0], xyz[1], xyz[2])});
+      const auto [x, y] = camera.Project(xyz);
+      sightings.push_back({static_cast<int>(p), photo, x, y, std::hypot(xyz[0], xyz[1], xyz[2])});
     }
   }
   return sightings;

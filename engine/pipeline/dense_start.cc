@@ -49,10 +49,8 @@ void ForEachKnown(absl::Span<const PhotoDepth> photos, int step, const Visit& vi
 SparsePoint PointAt(const PhotoDepth& photo, int x, int y) {
   const Camera camera =
       photo.photo->view->camera.Scaled(photo.map->depth.width, photo.map->depth.height);
-  const double z = photo.map->depth.at(0, y, x);
   SparsePoint point;
-  point.xyz = camera.WorldFromCam(
-      {(x + 0.5 - camera.cx) / camera.fx * z, (y + 0.5 - camera.cy) / camera.fy * z, z});
+  point.xyz = camera.WorldFromCam(camera.Unproject(x + 0.5, y + 0.5, photo.map->depth.at(0, y, x)));
   const auto [u, v] = PixelUnder(photo, x, y);
   const int16_t* pixel = photo.photo->target->pixel(u, v);
   for (int c = 0; c < 3; ++c) {

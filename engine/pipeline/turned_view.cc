@@ -18,7 +18,7 @@ std::optional<std::array<double, 2>> SeenAt(const Camera& camera,
                                             const std::array<double, 3>& point) {
   const std::array<double, 3> p = camera.CamFromWorld(point);
   if (!(p[2] > 0)) return std::nullopt;
-  const double x = camera.fx * p[0] / p[2] + camera.cx, y = camera.fy * p[1] / p[2] + camera.cy;
+  const auto [x, y] = camera.Project(p);
   if (!(x >= 0 && x <= camera.width && y >= 0 && y <= camera.height)) return std::nullopt;
   return std::array{x, y};
 }

@@ -155,7 +155,7 @@ Ray CameraRay(const Camera& camera, const std::array<double, 3>& d) {
 
 // The ray through the image point (x, y), px, with direction of z length 1 in the camera frame.
 Ray PixelRay(const Camera& camera, double x, double y) {
-  return CameraRay(camera, {(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1});
+  return CameraRay(camera, camera.Unproject(x, y, 1));
 }
 
 }  // namespace

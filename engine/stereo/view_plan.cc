@@ -62,8 +62,8 @@ std::vector<ViewPlan> PlanViews(absl::Span<const Camera> cameras,
       const Camera& camera = cameras[a.view];
       const Vec3 p = camera.CamFromWorld(point.xyz);
       if (!(p[2] > 0)) continue;
-      plans[a.view].anchors.push_back(
-          {camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy, p[2]});
+      const auto [x, y] = camera.Project(p);
+      plans[a.view].anchors.push_back({x, y, p[2]});
       const Vec3 to_a = DirectionTo(centers[a.view], point.xyz);
       for (const TrackElement& b : point.track) {
         if (b.view == a.view) continue;

@@ -25,13 +25,11 @@ using Point = std::array<double, 3>;
 bool Slope(const SurfacePicture& picture, int x, int y, int dx, int dy, Point* slope) {
   const int before = picture.Knows(x - dx, y - dy), after = picture.Knows(x + dx, y + dy);
   if (!before && !after) return false;
-  const Camera& camera = picture.camera;
   Point ends[2];
   for (const int end : {0, 1}) {
     const int steps = end == 0 ? -before : after;
     const int u = x + steps * dx, v = y + steps * dy;
-    const double z = picture.depth.at(0, v, u);
-    ends[end] = {(u + 0.5 - camera.cx) / camera.fx * z, (v + 0.5 - camera.cy) / camera.fy * z, z};
+    ends[end] = picture.camera.Unproject(u + 0.5, v + 0.5, picture.depth.at(0, v, u));
   }
   for (int k = 0; k < 3; ++k) (*slope)[k] = ends[1][k] - ends[0][k];
   return true;
@@ -40,9 +38,7 @@ bool Slope(const SurfacePicture& picture, int x, int y, int dx, int dy, Point* s
 }  // namespace
 
 std::array<double, 3> SurfacePicture::PointAt(int x, int y) const {
-  const double z = depth.at(0, y, x);
-  return camera.WorldFromCam(
-      {(x + 0.5 - camera.cx) / camera.fx * z, (y + 0.5 - camera.cy) / camera.fy * z, z});
+  return camera.WorldFromCam(camera.Unproject(x + 0.5, y + 0.5, depth.at(0, y, x)));
 }
 
 float DepthAt(const SurfacePicture& picture, double u, double v) {
@@ -112,11 +108,10 @@ double DepthAgreement(const std::vector<SurfacePicture>& pictures) {
         const std::array<double, 3> point = picture.PointAt(x, y);
         for (const SurfacePicture& other : pictures) {
           if (&other == &picture) continue;
-          const Camera& camera = other.camera;
-          const auto p = camera.CamFromWorld(point);
+          const auto p = other.camera.CamFromWorld(point);
           if (!(p[2] > 0)) continue;
-          const double depth = DepthAt(other, camera.fx * p[0] / p[2] + camera.cx,
-                                       camera.fy * p[1] / p[2] + camera.cy);
+          const auto [u, v] = other.camera.Project(p);
+          const double depth = DepthAt(other, u, v);
           const double difference = std::abs(depth / p[2] - 1);
           if (difference < kOtherSurface) differences.push_back(static_cast<float>(difference));
         }

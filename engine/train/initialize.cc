@@ -87,8 +87,8 @@ std::array<double, 3> PointColor(const SparsePoint& point, absl::Span<const int>
     const auto p = views[v].view.camera.CamFromWorld(point.xyz);
     const Camera& camera = views[v].view.camera;
     if (p[2] <= 0) continue;
-    const int x = static_cast<int>(std::floor(camera.fx * p[0] / p[2] + camera.cx));
-    const int y = static_cast<int>(std::floor(camera.fy * p[1] / p[2] + camera.cy));
+    const auto [px, py] = camera.Project(p);
+    const int x = static_cast<int>(std::floor(px)), y = static_cast<int>(std::floor(py));
     if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
     const PlaneU8& mask = views[v].mask;
     if (!Counts(mask, x, y)) continue;

@@ -44,9 +44,7 @@ void AddMap(const Camera& camera, const Planes& depth, TrueSurface* truth) {
       const double z = depth.at(0, y, x);
       if (!(z > 0)) continue;
       number[at(x, y)] = static_cast<uint32_t>(mesh.vertices.size());
-      mesh.vertices.push_back({camera.WorldFromCam({(x + 0.5 - camera.cx) / camera.fx * z,
-                                                    (y + 0.5 - camera.cy) / camera.fy * z, z}),
-                               {}});
+      mesh.vertices.push_back({camera.WorldFromCam(camera.Unproject(x + 0.5, y + 0.5, z)), {}});
       truth->depth.push_back(z);
     }
   }
