@@ -79,9 +79,7 @@ PixelRect DrawCrop(const CropGrid& grid, uint64_t seed, size_t photo, uint64_t v
 
 void CropView(const TrainView& view, const PixelRect& crop, int threads, TrainView* out) {
   out->view = view.view;
-  out->exposure = view.exposure;
   out->lamp = view.lamp;
-  out->distortion = view.distortion;
   CropImage(view.photo, crop, 3, threads, &out->photo);
   CropImage(view.target, crop, 3, threads, &out->target);
   CropImage(view.structure, crop, 1, threads, &out->structure);

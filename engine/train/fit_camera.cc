@@ -14,7 +14,7 @@ absl::StatusOr<Camera> FitCamera(const TrainOptions& training, const Model& mode
                                  const TrainView& view, double extent, const CancelToken& cancel) {
   TrainOptions options = training;
   options.iterations = kFitSteps;
-  const std::vector<TrainView> views = {view};
+  const std::vector<TrainView> views(1, view);  // one copy: photos are large
   const ViewPyramid pyramid(&views, options);
   const Recipe& recipe = options.recipe;
   Objective objective(options);

@@ -2,15 +2,13 @@
 #ifndef LITAGS_ENGINE_TRAIN_OBJECTIVE_H_
 #define LITAGS_ENGINE_TRAIN_OBJECTIVE_H_
 
-#include <memory>
-
 #include "engine/core/image.h"
 #include "engine/denoise/pdm.h"
 #include "engine/render/renderer.h"
 #include "engine/train/losses.h"
 #include "engine/train/options.h"
+#include "engine/train/step_losses.h"
 #include "engine/train/train_view.h"
-#include "engine/train/trainer.h"
 
 namespace litags {
 

@@ -17,14 +17,14 @@ namespace litags {
 struct TrainView {
   View view;
   Photo photo;          // I_in, of the camera's size; at the median exposure if its own differs
-  double exposure = 1;  // light it gathered relative to the capture's median photo, > 0
+  double exposure = 1;  // before training only: light relative to the median photo's, > 0
   Lamp lamp;            // that it was taken by: photo and target show R times what it does
   Photo target;         // the normal-light pseudo-target (paper's modulated I_in), same size
   PlaneU8 structure;    // P, 0..255 for 0..1; empty: no structure loss
   PlaneU8 information;  // weight of each pixel, kInformationOne for 1; empty: all 1
   PlaneU8 mask;         // 0: does not count, kCounts: does (engine/core/mask.h); empty: all count
   std::optional<DepthMap> depth;
-  Distortion distortion;  // that the photo had when it was taken; here it has none
+  Distortion distortion;  // before training only: of the photo as taken; here it has none
 };
 
 }  // namespace litags

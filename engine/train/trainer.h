@@ -14,22 +14,11 @@
 #include "engine/train/model.h"
 #include "engine/train/nan_recovery.h"
 #include "engine/train/options.h"
+#include "engine/train/step_losses.h"
 #include "engine/train/train_view.h"
 #include "engine/train/work_forecast.h"
 
 namespace litags {
-
-// Losses of one iteration, weighted as they enter the total.
-struct StepLosses {
-  double exposure = 0;        // plain 3DGS: unused
-  double reconstruction = 0;  // plain 3DGS: against the target
-  double prior = 0;
-  double depth = 0;
-  double denoise = 0;    // MSE of the last two stages + TV
-  bool skipped = false;  // the photo's turn was skipped (NaN recovery)
-
-  double Total() const { return exposure + reconstruction + prior + depth + denoise; }
-};
 
 // Wall-clock seconds since the start, by phase.
 struct PhaseSeconds {
