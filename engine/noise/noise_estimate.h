@@ -1,4 +1,4 @@
-// How much noise a picture has: the one estimator, for photos, targets and single channels.
+// How much noise a picture has: for photos, targets and single channels.
 #ifndef LITAGS_ENGINE_NOISE_NOISE_ESTIMATE_H_
 #define LITAGS_ENGINE_NOISE_NOISE_ESTIMATE_H_
 

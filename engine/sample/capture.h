@@ -22,7 +22,7 @@ inline constexpr double kOverPsnr = 10;    // PSNR(over_exp, high), dB
 struct CaptureOptions {
   int width = 360;          // px, [32, 8192]
   int height = 270;         // px, [32, 8192]
-  int views = 36;           // [2, 9999]
+  int views = 36;           // [test_every / 2 + 1, 9999]: one at least is a test view
   int test_every = 8;       // every n-th view is a test view, >= 2
   uint64_t seed = 0;        // texture detail, hand shake, exposure jitter, noise
   uint32_t noise_seed = 0;  // another one: the same photos with other noise
@@ -32,7 +32,7 @@ struct CaptureOptions {
   bool raw = false;         // also write raw/ and deep/; sides must be even
   bool lamp = false;        // low/ and over_exp/ are lit by a lamp at the camera alone
 
-  double low_mean = 0.045;  // mean sRGB level of low/, (0, kHighMean)
+  double low_mean = 0.045;  // mean sRGB level of low/, [0.005, kHighMean]
   double jitter = 0.1;      // exposure of each view is scaled by U(1 - jitter, 1 + jitter)
   SensorOptions sensor;
 

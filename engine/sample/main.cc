@@ -34,7 +34,7 @@ int Run(int argc, char** argv) {
                  "Another one: the same photos with other noise")
       ->check(litags::AtLeastZero(options.noise_seed))
       ->capture_default_str();
-  app.add_option("--low-mean", options.low_mean, "Mean sRGB level of low/, 0..1")
+  app.add_option("--low-mean", options.low_mean, "Mean sRGB level of low/, 0.005..0.47")
       ->capture_default_str();
   app.add_option("--threads", options.threads, "Threads; 0: all cores")->capture_default_str();
   app.add_flag("--truth", options.truth, "Also write depth/NAME.pfm and noise-free clean/NAME.png");
