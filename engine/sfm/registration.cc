@@ -37,6 +37,12 @@ std::string ShortList(std::vector<std::string> names) {
   return list;
 }
 
+// Photos of the second largest group: models that share photos with the first come before smaller
+// ones that share none. 0 if there is no second.
+int SecondLargest(const std::vector<int>& groups) {
+  return groups.size() > 1 ? *std::max_element(groups.begin() + 1, groups.end()) : 0;
+}
+
 absl::Status Refuse(std::string_view reason, const std::string& message) {
   return MakeError(absl::StatusCode::kFailedPrecondition, reason, "images", message);
 }
@@ -99,7 +105,7 @@ absl::Status JudgeRegistration(const SfmRung& rung, const std::vector<SfmPhoto>&
   const int n = static_cast<int>(photos.size());
   const int needed = NeededPhotos(n, options);
   const std::string drops = SummarizeDrops(photos);
-  const bool split = rung.groups.size() > 1 && 2 * rung.groups[1] >= rung.groups[0];
+  const int second = SecondLargest(rung.groups);
   if (rung.turned) {
     return Refuse(
         "SFM_NO_PARALLAX",
@@ -112,7 +118,7 @@ absl::Status JudgeRegistration(const SfmRung& rung, const std::vector<SfmPhoto>&
                                "; try photos of one place that overlap by half or more, sharper or "
                                "less extremely exposed ones, or bring known cameras"));
   }
-  if (split) {
+  if (second > 0 && 2 * second >= rung.groups[0]) {
     return Refuse("SFM_SPLIT",
                   absl::StrCat("the ", n, " photos fall into ", rung.groups.size(),
                                " groups that share nothing (", absl::StrJoin(rung.groups, ", "),

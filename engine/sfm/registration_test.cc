@@ -49,6 +49,16 @@ TEST(Registration, ACameraThatTurnedIsNamedWhateverCameOut) {
   EXPECT_EQ(ReasonOf(placed, 14), "SFM_NO_PARALLAX");
 }
 
+// Groups stand in the order of their models, which may share photos with earlier ones.
+TEST(Registration, TheSecondLargestGroupTellsASplitWhereverItStands) {
+  SfmRung split;
+  split.registered = 40;
+  split.groups = {40, 5, 24};
+  EXPECT_EQ(ReasonOf(split, 69), "SFM_SPLIT");
+  split.groups = {40, 5, 19};
+  EXPECT_EQ(ReasonOf(split, 64), "");
+}
+
 TEST(Registration, SizesOfOneLensThatDifferAreNamed) {
   const auto photo = [](const char* camera, int width, int height) {
     PhotoFile file;

@@ -80,8 +80,8 @@ struct SfmRung {
   std::string preparation;
   int registered = 0;       // photos in the largest model
   int64_t points = 0;       // in the largest model
-  std::vector<int> groups;  // photos per separate model, largest first; of later ones, those in
-                            // no earlier model: more than one is a split capture
+  std::vector<int> groups;  // photos per separate model, of the largest first; of later ones, those
+                            // in no earlier model: more than one is a split capture
   bool turned = false;      // the camera turned in place: no parallax
   double prepare_seconds = 0, feature_seconds = 0, match_seconds = 0, verify_seconds = 0,
          map_seconds = 0;
@@ -102,7 +102,7 @@ struct SfmResult {
   double seconds = 0;
 };
 
-// Finds the cameras of the photos in images_dir (flat; method.md section 2).
+// Finds the cameras of the photos in images_dir (flat).
 //
 // Climbs a ladder of preparations until one places enough_registered of the photos: low light:
 // gain to mean .45 then Gaussian 0.7 px, the same with 1.2 px, gain + CLAHE; over-exposed: CLAHE,
@@ -112,7 +112,7 @@ struct SfmResult {
 // logs there.
 //
 // The result is a function of the photos and the options, bit by bit, but not of options.threads:
-// README.md says what COLMAP is kept from for that.
+// docs/experiments/cameras.md says what COLMAP is kept from for that.
 //
 // Errors: INVALID_ARGUMENT for options, unreadable photos or masks; FAILED_PRECONDITION
 // TOO_FEW_PHOTOS, SFM_TOO_FEW_REGISTERED (fewer than kMinPhotos or than min_registered placed; the
