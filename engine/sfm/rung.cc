@@ -1,7 +1,6 @@
 #include "engine/sfm/rung.h"
 
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -11,6 +10,8 @@
 #include "absl/strings/str_format.h"
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
+#include "engine/core/monotonic_seconds.h"
+#include "engine/core/spread_indices.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/sfm/colmap.h"
@@ -142,9 +143,11 @@ Eigen::Vector2d FromMiddle(const PhotoFile& photo, const Eigen::Vector2d& keypoi
 }
 
 // Whether the photos show no parallax. Images are numbered from 1 in the order of the photos.
-absl::StatusOr<bool> CameraTurned(const std::string& database, const std::vector<PhotoFile>& photos,
+absl::StatusOr<bool> CameraTurned(const RungInput& in, const std::string& database,
                                   const std::vector<DatabaseImage>& images,
                                   const std::vector<VerifiedPair>& pairs) {
+  // That are looked at: medians over more say the same. Choice
+  constexpr size_t kMostPairs = 200;
   // COLMAP calls nearly all pairs of a camera that turns flat, 60 % of those of a good walk. Choice
   constexpr double kFlat = 0.95;
   const auto flat =
@@ -154,19 +157,19 @@ absl::StatusOr<bool> CameraTurned(const std::string& database, const std::vector
   LITAGS_ASSIGN_OR_RETURN(const auto matches, ReadVerifiedMatches(database, kMinInliers));
   LITAGS_ASSIGN_OR_RETURN(const auto keypoints, ReadKeypoints(database, images));
   int longer_side = 0;
-  for (const PhotoFile& photo : photos) {
+  for (const PhotoFile& photo : in.photos) {
     longer_side = std::max({longer_side, photo.copy_width, photo.copy_height});
   }
   std::vector<SeenTwice> seen;
-  for (const ImageMatches& pair : matches) {
-    const int first = pair.id1 - 1, second = pair.id2 - 1;
+  for (const size_t i : SpreadIndices(matches.size(), kMostPairs)) {
+    const int first = matches[i].id1 - 1, second = matches[i].id2 - 1;
     SeenTwice& both = seen.emplace_back();
-    for (const FeatureMatch& match : pair.matches) {
-      both.first.push_back(FromMiddle(photos[first], keypoints[first][match.index1]));
-      both.second.push_back(FromMiddle(photos[second], keypoints[second][match.index2]));
+    for (const FeatureMatch& match : matches[i].matches) {
+      both.first.push_back(FromMiddle(in.photos[first], keypoints[first][match.index1]));
+      both.second.push_back(FromMiddle(in.photos[second], keypoints[second][match.index2]));
     }
   }
-  return TurnedInPlace(seen, longer_side);
+  return TurnedInPlace(seen, longer_side, in.cancel);
 }
 
 absl::StatusOr<Mapping> VerifyAndMap(const RungInput& in, const std::vector<NamePair>& pairs,
@@ -187,7 +190,7 @@ absl::StatusOr<Mapping> VerifyAndMap(const RungInput& in, const std::vector<Name
   LITAGS_ASSIGN_OR_RETURN(const auto images, ReadDatabaseImages(colmap.database_path()));
   LITAGS_ASSIGN_OR_RETURN(mapping.pairs, ReadVerifiedPairs(colmap.database_path(), kMinInliers));
   LITAGS_ASSIGN_OR_RETURN(mapping.turned,
-                          CameraTurned(colmap.database_path(), in.photos, images, mapping.pairs));
+                          CameraTurned(in, colmap.database_path(), images, mapping.pairs));
   return mapping;
 }
 
@@ -317,12 +320,12 @@ absl::StatusOr<RungOutput> MapPhotos(const RungInput& in) {
   Colmap colmap(in.options, in.dir, in.cancel);
   RungOutput out;
   LITAGS_RETURN_IF_ERROR(PrepareAndExtract(in, colmap, out.rung));
-  const auto start = std::chrono::steady_clock::now();
+  const double start = MonotonicSeconds();
   in.report("match", 0);
   LITAGS_ASSIGN_OR_RETURN(const std::vector<NamePair> pairs,
                           MatchPhotos(colmap.database_path(), in.options, in.cancel,
                                       [&](double f) { in.report("match", f); }));
-  out.rung.match_seconds = SecondsSince(start);
+  out.rung.match_seconds = MonotonicSeconds() - start;
   LITAGS_ASSIGN_OR_RETURN(Mapping mapping, VerifyAndMap(in, pairs, "models", colmap, out.rung));
   if (const std::optional<Start> start = SecondStart(in, mapping)) {
     LITAGS_RETURN_IF_ERROR(TryStart(in, pairs, *start, colmap, out, mapping));

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "engine/core/check.h"
+#include "engine/core/error.h"
 #include "engine/core/quantile.h"
 
 namespace litags {
@@ -41,13 +42,15 @@ double Residual(const SeenTwice& pair, double focal) {
 
 }  // namespace
 
-bool TurnedInPlace(const std::vector<SeenTwice>& pairs, double longer_side) {
+absl::StatusOr<bool> TurnedInPlace(const std::vector<SeenTwice>& pairs, double longer_side,
+                                   const CancelToken& cancel) {
   // Focal lengths of lenses, in longer sides: a fisheye's middle to a telephoto's 150 mm of 36 mm.
   constexpr double kShortest = 0.3, kLongest = 4, kStep = 1.05;
   constexpr double kMostResidual = 2;  // px: half of what COLMAP's verification allows
   if (pairs.empty()) return false;
   double least = 0, best = 0;
   for (double focal = kShortest; focal < kLongest * kStep; focal *= kStep) {
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
     std::vector<double> residuals;
     for (const SeenTwice& pair : pairs) {
       LITAGS_CHECK(!pair.first.empty() && pair.first.size() == pair.second.size());

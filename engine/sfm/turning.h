@@ -6,6 +6,9 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
+
 namespace litags {
 
 // Where two photos see the same things, px from the middle of each.
@@ -16,8 +19,9 @@ struct SeenTwice {
 // Whether rotations of a camera with one focal length explain the matches of all pairs to two
 // pixels: medians over a pair's matches, and over the pairs. `longer_side` of the photos, px. A
 // wall that the camera walks along looks so too, but with a focal length beyond all that are tried.
-// False without pairs.
-bool TurnedInPlace(const std::vector<SeenTwice>& pairs, double longer_side);
+// False without pairs. CANCELLED on request.
+absl::StatusOr<bool> TurnedInPlace(const std::vector<SeenTwice>& pairs, double longer_side,
+                                   const CancelToken& cancel);
 
 }  // namespace litags
 

@@ -36,18 +36,22 @@ Eigen::Matrix3d Turn(double about_x, double about_y) {
       .toRotationMatrix();
 }
 
+bool Turned(const std::vector<SeenTwice>& pairs) {
+  return TurnedInPlace(pairs, kSide, CancelToken()).value();
+}
+
 TEST(Turning, ATurnIsOneWhateverTheDepth) {
   std::vector<SeenTwice> pairs;
   for (int i = 1; i < 6; ++i) {
     pairs.push_back(See(Turn(0.03 * i, 0.1 * i), Eigen::Vector3d::Zero(), i % 2 == 0, i));
   }
-  EXPECT_TRUE(TurnedInPlace(pairs, kSide));
+  EXPECT_TRUE(Turned(pairs));
 }
 
 TEST(Turning, AStepToTheSideOfADeepSceneIsNone) {
   std::vector<SeenTwice> pairs;
   for (int i = 1; i < 6; ++i) pairs.push_back(See(Turn(0, 0.1 * i), {0.5 * i, 0, 0}, true, i));
-  EXPECT_FALSE(TurnedInPlace(pairs, kSide));
+  EXPECT_FALSE(Turned(pairs));
 }
 
 TEST(Turning, AWallThatIsWalkedAlongOrUpToIsNone) {
@@ -57,11 +61,18 @@ TEST(Turning, AWallThatIsWalkedAlongOrUpToIsNone) {
     along.push_back(See(straight, {1.0 * i, 0, 0}, false, i));
     up_to.push_back(See(straight, {0, 0, -0.6 * i}, false, i));
   }
-  EXPECT_FALSE(TurnedInPlace(along, kSide));
-  EXPECT_FALSE(TurnedInPlace(up_to, kSide));
+  EXPECT_FALSE(Turned(along));
+  EXPECT_FALSE(Turned(up_to));
 }
 
-TEST(Turning, NoPairsAreNoTurn) { EXPECT_FALSE(TurnedInPlace({}, kSide)); }
+TEST(Turning, NoPairsAreNoTurn) { EXPECT_FALSE(Turned({})); }
+
+TEST(Turning, IsNotAskedOnceCancelled) {
+  CancelToken cancel;
+  cancel.Cancel();
+  const std::vector<SeenTwice> pairs = {See(Turn(0, 0.1), Eigen::Vector3d::Zero(), false, 1)};
+  EXPECT_EQ(TurnedInPlace(pairs, kSide, cancel).status().code(), absl::StatusCode::kCancelled);
+}
 
 }  // namespace
 }  // namespace litags
