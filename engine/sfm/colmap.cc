@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -13,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
+#include "engine/core/monotonic_seconds.h"
 #include "engine/core/parallel.h"
 #include "engine/sfm/colmap_database.h"
 #include "engine/sfm/photo_set.h"
@@ -38,7 +38,7 @@ constexpr double kPixelsPerFeature = 200;
 // mapper asks of its first pair. Choice.
 constexpr double kCaptureFeatures = 200 * 1000, kMinFeaturesOfMany = 500;
 
-// f and k1; the principal point stays at the image centre. Measured, see README.md.
+// f and k1; the principal point stays at the image centre. Measured: docs/experiments/cameras.md.
 constexpr char kCameraModel[] = "SIMPLE_RADIAL";
 
 // COLMAP's random numbers are drawn by each thread for whatever work it gets, and Ceres adds up in
@@ -226,7 +226,7 @@ absl::Status Colmap::VerifyShare(const std::string& database, absl::Span<const N
 absl::StatusOr<double> Colmap::Verify(const std::vector<NamePair>& pairs,
                                       const FractionFn& progress) {
   if (pairs.empty()) return 0;
-  const auto start = std::chrono::steady_clock::now();
+  const double start = MonotonicSeconds();
   const size_t shares = std::clamp<size_t>(pairs.size() / kPairsPerShare, 1, kMaxShares);
   const std::string common = dir_ + "/verify.db";
   LITAGS_RETURN_IF_ERROR(CopyForVerification(database_path(), common));
@@ -245,7 +245,7 @@ absl::StatusOr<double> Colmap::Verify(const std::vector<NamePair>& pairs,
   });
   for (absl::Status& status : statuses) LITAGS_RETURN_IF_ERROR(std::move(status));
   LITAGS_RETURN_IF_ERROR(TakeVerifiedPairs(databases, database_path()));
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return MonotonicSeconds() - start;
 }
 
 absl::StatusOr<double> Colmap::Map(const std::string& models_dir,

@@ -191,15 +191,10 @@ absl::Status WriteMatches(const std::string& path, const std::vector<ImageMatche
       const Statement add,
       db.Prepare("INSERT INTO matches (pair_id, rows, cols, data) VALUES (?, ?, 2, ?)"));
   for (const ImageMatches& pair : pairs) {
-    std::vector<FeatureMatch> matches = pair.matches;
-    if (pair.id1 > pair.id2) {
-      for (FeatureMatch& match : matches) std::swap(match.index1, match.index2);
-    }
-    const auto [low, high] = std::minmax(pair.id1, pair.id2);
-    sqlite3_bind_int64(add.get(), 1, kMaxImages * low + high);
-    sqlite3_bind_int64(add.get(), 2, static_cast<int64_t>(matches.size()));
-    sqlite3_bind_blob64(add.get(), 3, matches.data(), matches.size() * sizeof(FeatureMatch),
-                        SQLITE_TRANSIENT);
+    sqlite3_bind_int64(add.get(), 1, kMaxImages * pair.id1 + pair.id2);
+    sqlite3_bind_int64(add.get(), 2, static_cast<int64_t>(pair.matches.size()));
+    sqlite3_bind_blob64(add.get(), 3, pair.matches.data(),
+                        pair.matches.size() * sizeof(FeatureMatch), SQLITE_STATIC);
     LITAGS_RETURN_IF_ERROR(db.Step(add).status());
     sqlite3_reset(add.get());
   }

@@ -26,7 +26,7 @@ struct VerifiedPair {
   bool flat = false;
 };
 
-// Unverified matches of two images, by id, in either order.
+// Matches of two images, by id, id1 < id2.
 struct ImageMatches {
   int id1 = 0, id2 = 0;
   std::vector<FeatureMatch> matches;
@@ -44,7 +44,7 @@ absl::StatusOr<std::vector<VerifiedPair>> ReadVerifiedPairs(const std::string& p
 absl::StatusOr<std::vector<std::vector<uint8_t>>> ReadDescriptors(
     const std::string& path, const std::vector<DatabaseImage>& images);
 
-// All stored matches that are not empty, by ascending ids, id1 < id2.
+// All stored matches that are not empty, by ascending ids.
 absl::StatusOr<std::vector<ImageMatches>> ReadMatches(const std::string& path);
 
 // Of pairs with at least `min_inliers` verified matches, these; otherwise as ReadMatches.

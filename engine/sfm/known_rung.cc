@@ -1,11 +1,11 @@
 // A rung for known cameras: COLMAP finds the features, the points are ours.
-#include <chrono>
 #include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
 #include "engine/core/error.h"
+#include "engine/core/monotonic_seconds.h"
 #include "engine/sfm/colmap.h"
 #include "engine/sfm/colmap_database.h"
 #include "engine/sfm/colmap_keypoints.h"
@@ -18,7 +18,6 @@
 namespace litags {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using Keypoints =
     std::vector<std::vector<Eigen::Vector2d>>;  // [photos][features], px of the copies
 
@@ -94,13 +93,13 @@ absl::StatusOr<RungOutput> TriangulatePhotos(const RungInput& in, const SparseMo
   LITAGS_RETURN_IF_ERROR(CheckImages(in, images));
   LITAGS_ASSIGN_OR_RETURN(const Keypoints keypoints, ReadKeypoints(colmap.database_path(), images));
 
-  Clock::time_point start = Clock::now();
+  double start = MonotonicSeconds();
   in.report("match", 0);
   LITAGS_ASSIGN_OR_RETURN(auto matches, ComparePhotos(colmap.database_path(), in.options, in.cancel,
                                                       [&](double f) { in.report("match", f); }));
-  out.rung.match_seconds = SecondsSince(start);
+  out.rung.match_seconds = MonotonicSeconds() - start;
 
-  start = Clock::now();
+  start = MonotonicSeconds();
   in.report("triangulate", 0);
   SparseModel copies = CamerasOfCopies(in, cameras);
   std::vector<PhotoRays> posed;
@@ -114,7 +113,7 @@ absl::StatusOr<RungOutput> TriangulatePhotos(const RungInput& in, const SparseMo
     copies.points.push_back(ToSparsePoint(point, keypoints));
   }
   LITAGS_RETURN_IF_ERROR(Finish(in, colmap, copies));
-  out.rung.map_seconds = SecondsSince(start);
+  out.rung.map_seconds = MonotonicSeconds() - start;
 
   out.model = cameras;  // the given numbers
   out.model.points = std::move(copies.points);

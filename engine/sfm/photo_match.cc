@@ -1,6 +1,5 @@
 #include "engine/sfm/photo_match.h"
 
-#include <algorithm>
 #include <atomic>
 #include <map>
 #include <utility>
@@ -8,22 +7,12 @@
 #include "absl/types/span.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
-#include "engine/io/file_util.h"
 #include "engine/sfm/colmap_database.h"
 #include "engine/sfm/descriptor_match.h"
 #include "engine/sfm/pair_choice.h"
 
 namespace litags {
 namespace {
-
-// The images in the order of their photos: copies are numbered, in folders by size.
-absl::StatusOr<std::vector<DatabaseImage>> ReadImagesInPhotoOrder(const std::string& path) {
-  LITAGS_ASSIGN_OR_RETURN(std::vector<DatabaseImage> images, ReadDatabaseImages(path));
-  std::sort(images.begin(), images.end(), [](const DatabaseImage& a, const DatabaseImage& b) {
-    return std::pair(BaseName(a.name), a.id) < std::pair(BaseName(b.name), b.id);
-  });
-  return images;
-}
 
 // Runs of pairs with one first photo, which is packed once for all of them.
 std::vector<absl::Span<const PhotoPair>> GroupByFirst(const std::vector<PhotoPair>& pairs) {
@@ -61,7 +50,7 @@ std::vector<std::vector<FeatureMatch>> MatchPairs(
 absl::StatusOr<std::vector<ImageMatches>> ComparePhotos(
     const std::string& database_path, const SfmOptions& options, const CancelToken& cancel,
     const std::function<void(double)>& progress) {
-  LITAGS_ASSIGN_OR_RETURN(const auto images, ReadImagesInPhotoOrder(database_path));
+  LITAGS_ASSIGN_OR_RETURN(const auto images, ReadDatabaseImages(database_path));
   LITAGS_ASSIGN_OR_RETURN(const auto descriptors, ReadDescriptors(database_path, images));
   const std::vector<PhotoPair> pairs = PairsToMatch(options, descriptors, cancel);
   LITAGS_RETURN_IF_ERROR(cancel.Check());

@@ -18,7 +18,8 @@ struct NamePair {
   std::string name1, name2;
 };
 
-// Compares the features in COLMAP's database. Pairs with fewer than kMinInliers matches are left
+// Compares the features in COLMAP's database, whose images are numbered in the order of their
+// photos (NumberImages). Pairs with fewer than kMinInliers matches are left
 // out: they can never be verified. Ascending by photos. The result does not depend on
 // options.threads.
 //

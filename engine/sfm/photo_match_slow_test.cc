@@ -51,6 +51,9 @@ class MatchingBesideColmap : public ::testing::Test {
     ASSERT_TRUE(copied.ok()) << copied;
     const auto seconds = colmap_.ExtractFeatures(*photos, IgnoreProgress);
     ASSERT_TRUE(seconds.ok()) << seconds.status();
+    std::vector<std::string> names;
+    for (const PhotoFile& photo : *photos) names.push_back(photo.copy_name);
+    ASSERT_TRUE(NumberImages(colmap_.database_path(), names).ok());
   }
   void TearDown() override { fs::remove_all(dir_); }
 

@@ -25,6 +25,12 @@ class MatchPhotosTest : public ::testing::Test {
     colmap_.SetDatabase({"9x9/000002.png", "9x9/000000.png", "5x9/000001.png"}, 40, {});
   }
 
+  void SetUp() override {
+    const absl::Status numbered =
+        NumberImages(colmap_.database(), {"9x9/000000.png", "5x9/000001.png", "9x9/000002.png"});
+    ASSERT_TRUE(numbered.ok()) << numbered;
+  }
+
   absl::StatusOr<std::vector<NamePair>> Match() {
     return MatchPhotos(colmap_.database(), options_, cancel_, [this](double fraction) {
       fractions_.push_back(fraction);
@@ -66,15 +72,15 @@ TEST_F(MatchPhotosTest, StoresThePairsOfEachPhotoWithLaterOnes) {
 }
 
 TEST_F(MatchPhotosTest, ColumnsFollowTheImageIds) {
-  // The last 20 features of photo 0 (id 2) are the first 20 of photo 2 (id 1).
+  // The features of photo 0 are the last 20 of the others.
   colmap_.Execute(
-      "UPDATE keypoints SET rows = 20 WHERE image_id = 2;"
-      "UPDATE descriptors SET rows = 20, data = substr(data, 20 * 128 + 1) WHERE image_id = 2");
+      "UPDATE keypoints SET rows = 20 WHERE image_id = 1;"
+      "UPDATE descriptors SET rows = 20, data = substr(data, 20 * 128 + 1) WHERE image_id = 1");
   ASSERT_TRUE(Match().ok());
   const auto stored = ReadMatches(colmap_.database());
   ASSERT_TRUE(stored.ok()) << stored.status();
   EXPECT_EQ((*stored)[0].id1, 1);
-  EXPECT_EQ((*stored)[0].matches[0], (FeatureMatch{20, 0}));
+  EXPECT_EQ((*stored)[0].matches[0], (FeatureMatch{0, 20}));
 }
 
 TEST_F(MatchPhotosTest, TheNumberOfThreadsChangesNothing) {
@@ -101,8 +107,8 @@ TEST_F(MatchPhotosTest, PhotosWithoutFeaturesMatchNothing) {
 TEST_F(MatchPhotosTest, PairsThatCannotBeVerifiedAreLeftOut) {
   colmap_.Execute(
       "INSERT INTO matches VALUES (7, 1, 2, NULL);"  // of an earlier run
-      "UPDATE keypoints SET rows = 14 WHERE image_id = 3;"
-      "UPDATE descriptors SET rows = 14, data = substr(data, 1, 14 * 128) WHERE image_id = 3");
+      "UPDATE keypoints SET rows = 14 WHERE image_id = 2;"
+      "UPDATE descriptors SET rows = 14, data = substr(data, 1, 14 * 128) WHERE image_id = 2");
   const auto pairs = Match();
   ASSERT_TRUE(pairs.ok()) << pairs.status();
   ASSERT_THAT(*pairs, SizeIs(1));
@@ -111,12 +117,12 @@ TEST_F(MatchPhotosTest, PairsThatCannotBeVerifiedAreLeftOut) {
 }
 
 TEST_F(MatchPhotosTest, DamagedDescriptorsAreRefused) {
-  colmap_.Execute("UPDATE descriptors SET data = substr(data, 2) WHERE image_id = 2");
+  colmap_.Execute("UPDATE descriptors SET data = substr(data, 2) WHERE image_id = 1");
   ExpectDamaged("9x9/000000.png");
 }
 
 TEST_F(MatchPhotosTest, DescriptorsOfAnotherLengthAreRefused) {
-  colmap_.Execute("UPDATE descriptors SET cols = 64 WHERE image_id = 2");
+  colmap_.Execute("UPDATE descriptors SET cols = 64 WHERE image_id = 1");
   ExpectDamaged("9x9/000000.png");
 }
 

@@ -4,22 +4,19 @@
 #include <string>
 
 #include "engine/core/error.h"
+#include "engine/core/monotonic_seconds.h"
 #include "engine/sfm/photo_set.h"
 
 namespace litags {
 
-double SecondsSince(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
 absl::Status PrepareAndExtract(const RungInput& in, Colmap& colmap, SfmRung& rung) {
   rung.preparation = PreparationName(in.preparation);
-  const auto start = std::chrono::steady_clock::now();
+  const double start = MonotonicSeconds();
   in.report("prepare", 0);
   LITAGS_RETURN_IF_ERROR(WriteCopies(in.images_dir, in.photos, in.preparation, colmap.images_dir(),
                                      colmap.masks_dir(), in.options.threads, in.cancel,
                                      [&](double f) { in.report("prepare", f); }));
-  rung.prepare_seconds = SecondsSince(start);
+  rung.prepare_seconds = MonotonicSeconds() - start;
   in.report("features", 0);
   LITAGS_ASSIGN_OR_RETURN(rung.feature_seconds, colmap.ExtractFeatures(in.photos, [&](double f) {
     in.report("features", f);

@@ -2,7 +2,6 @@
 #ifndef LITAGS_ENGINE_SFM_RUNG_STEPS_H_
 #define LITAGS_ENGINE_SFM_RUNG_STEPS_H_
 
-#include <chrono>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -12,8 +11,6 @@
 #include "engine/sfm/rung.h"
 
 namespace litags {
-
-double SecondsSince(std::chrono::steady_clock::time_point start);
 
 // Copies and their features, in a database whose images are in the order of the photos.
 absl::Status PrepareAndExtract(const RungInput& in, Colmap& colmap, SfmRung& rung);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -15,6 +14,7 @@
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
+#include "engine/core/monotonic_seconds.h"
 #include "engine/sfm/colmap_version.h"
 #include "engine/sfm/exposure.h"
 #include "engine/sfm/photo_set.h"
@@ -25,7 +25,6 @@ namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 
 // One call's inputs and what was measured on them.
 struct Capture {
@@ -61,9 +60,8 @@ class ReportLimiter {
   explicit ReportLimiter(double least_seconds) : least_seconds_(least_seconds) {}
 
   bool Passes(const std::string& step) {
-    const Clock::time_point now = Clock::now();
-    const bool due = std::chrono::duration<double>(now - last_).count() >= least_seconds_;
-    if (step == step_ && !due) return false;
+    const double now = MonotonicSeconds();
+    if (step == step_ && now - last_ < least_seconds_) return false;
     step_ = step;
     last_ = now;
     return true;
@@ -72,7 +70,7 @@ class ReportLimiter {
  private:
   const double least_seconds_;
   std::string step_;
-  Clock::time_point last_;
+  double last_ = 0;
 };
 
 // Refuses a COLMAP of another version. Whatever else is wrong with it, the first step says.
@@ -161,9 +159,9 @@ void AddNotes(const SfmRung& kept, SfmResult& result) {
                                         " photos have a camera; left out: ", drops));
   }
   if (kept.groups.size() > 1) {
-    std::vector<int> sizes = kept.groups;
     result.notes.push_back(absl::StrCat("the photos split into groups of ",
-                                        absl::StrJoin(sizes, ", "), "; the largest was taken"));
+                                        absl::StrJoin(kept.groups, ", "),
+                                        "; the largest was taken"));
   }
 }
 
@@ -241,10 +239,6 @@ absl::Status OutOfRange(std::string_view field, const std::string& rule) {
   return InvalidInput("OUT_OF_RANGE", field, absl::StrCat(std::string(field), " ", rule));
 }
 
-double SecondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
 // A place is given to as many digits as a file may have.
 absl::Status CheckPlaces(const SparseModel& cameras) {
   constexpr double kSameDigits = 1e-9;
@@ -275,7 +269,7 @@ absl::Status SfmOptions::Validate() const {
 absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::string& work_dir,
                                       const SfmOptions& options, const CancelToken& cancel,
                                       const SfmProgressFn& progress) {
-  const Clock::time_point start = Clock::now();
+  const double start = MonotonicSeconds();
   LITAGS_RETURN_IF_ERROR(options.Validate());
   LITAGS_RETURN_IF_ERROR(cancel.Check());
   Capture capture = {images_dir, work_dir + "/sfm", options, cancel, progress, {}, {}};
@@ -295,7 +289,7 @@ absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::
   LITAGS_RETURN_IF_ERROR(JudgeRegistration(kept, result.photos, options));
   AddNotes(kept, result);
   SettleCameras(capture.photos, result);
-  result.seconds = SecondsSince(start);
+  result.seconds = MonotonicSeconds() - start;
   return result;
 }
 
@@ -303,7 +297,7 @@ absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
                                             const SparseModel& cameras, const std::string& work_dir,
                                             const SfmOptions& options, const CancelToken& cancel,
                                             const SfmProgressFn& progress) {
-  const Clock::time_point start = Clock::now();
+  const double start = MonotonicSeconds();
   LITAGS_RETURN_IF_ERROR(options.Validate());
   LITAGS_RETURN_IF_ERROR(cancel.Check());
   if (cameras.views.size() < 2 || cameras.distortions.size() != cameras.views.size()) {
@@ -338,7 +332,7 @@ absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
   }
   result.photos = WithPhotosLeftOut(all, result.photos);
   AddNotes(KeptRung(result), result);
-  result.seconds = SecondsSince(start);
+  result.seconds = MonotonicSeconds() - start;
   return result;
 }
 
