@@ -28,7 +28,7 @@ enum class Preparation { kRaw, kGainBlur07, kGainBlur12, kGainClahe, kClahe };
 
 std::string_view PreparationName(Preparation preparation);
 
-// Preparations worth trying for a capture, best first (method.md section 2).
+// Preparations worth trying for a capture, best first.
 std::vector<Preparation> Ladder(Exposure exposure);
 
 // The prepared copy, same size. Gain: sRGB codes times .45 / mean of this photo, clipped (never
