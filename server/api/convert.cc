@@ -11,7 +11,7 @@
 #include "engine/core/check.h"
 #include "engine/core/error.h"
 #include "litags/v1/reconstruction_service.pb.h"
-#include "server/api/scrub.h"
+#include "server/errors/scrub.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 

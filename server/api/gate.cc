@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/call_door.h"
-#include "server/api/status.h"
+#include "server/errors/to_grpc.h"
 #include "server/net/line_rate.h"
 #include "server/net/peer.h"
 #include "server/store/digest.h"

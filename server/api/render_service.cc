@@ -8,7 +8,6 @@
 #include "server/api/camera_path.h"
 #include "server/api/picture.h"
 #include "server/api/scene_calls.h"
-#include "server/api/status.h"
 #include "server/api/view_request.h"
 
 namespace litags {

@@ -1,19 +1,12 @@
 #ifndef LITAGS_SERVER_API_STATUS_H_
 #define LITAGS_SERVER_API_STATUS_H_
 
-#include <grpcpp/support/status.h>
-
 #include <string>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 
 namespace litags {
-
-// The answer to a call that ended with `status`: same code, same message, and as the binary details
-// an RpcStatus with the ErrorDetail first and then google.rpc's ErrorInfo, BadRequest, QuotaFailure
-// and RetryInfo as they fit.
-grpc::Status ToGrpc(const absl::Status& status);
 
 // The id in "jobs/{id}". INVALID_ARGUMENT (JOB_NAME_INVALID).
 absl::StatusOr<std::string> ParseJobName(const std::string& name);

@@ -8,7 +8,6 @@
 
 #include "engine/core/sandbox.h"
 #include "server/api/convert.h"
-#include "server/api/status.h"
 #include "server/jobs/codec.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/photos.h"

@@ -11,6 +11,7 @@
 #include "engine/core/error.h"
 #include "engine/core/utf8.h"
 #include "litags/v1/reconstruction_service.pb.h"
+#include "server/errors/to_grpc.h"
 #include "server/net/line_rate.h"
 #include "server/web/failure.h"
 #include "server/web/guard.h"
@@ -72,7 +73,7 @@ asio::awaitable<void> Api::Serve(Exchange& exchange) {
   absl::Status allowed = CheckSite(exchange.head());
   if (allowed.ok() && local_only_) allowed = CheckLocalHost(exchange.head());
   if (!allowed.ok()) {
-    LogRefusal(exchange.head(), ToGrpcStatus(allowed));
+    LogRefusal(exchange.head(), ToGrpc(allowed));
     Answer refused = Failure(allowed);
     co_await exchange.Send(std::move(refused));
     co_return;

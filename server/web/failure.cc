@@ -8,12 +8,10 @@
 #include "engine/core/error.h"
 #include "google/rpc/error_details.pb.h"
 #include "litags/v1/errors.pb.h"
+#include "server/errors/to_grpc.h"
 
 namespace litags::web {
 namespace {
-
-// Clients wait so long at least before they call again.
-constexpr char kRetrySeconds[] = "1";
 
 // Whether the same call may succeed later: the service says so, or gRPC found no service.
 bool MayComeAgain(const v1::RpcStatus& rpc) {
@@ -82,13 +80,14 @@ Answer Failure(const grpc::Status& status) {
   answer.code = HttpCode(status.error_code());
   answer.type = "application/json";
   answer.body = FailureJson(status);
-  if (MayComeAgain(ToRpc(status))) answer.headers.emplace_back("Retry-After", kRetrySeconds);
+  if (MayComeAgain(ToRpc(status)))
+    answer.headers.emplace_back("Retry-After", absl::StrCat(kRetrySeconds));
   if (answer.code == 401) answer.headers.emplace_back("WWW-Authenticate", "Bearer");
   return answer;
 }
 
 Answer Failure(const absl::Status& status, int http_code) {
-  Answer answer = Failure(ToGrpcStatus(status));
+  Answer answer = Failure(ToGrpc(status));
   if (http_code != 0) answer.code = http_code;
   return answer;
 }
@@ -99,25 +98,6 @@ Answer WrongMethod(const std::string& allowed) {
                           405);
   answer.headers.emplace_back("Allow", allowed);
   return answer;
-}
-
-grpc::Status ToGrpcStatus(const absl::Status& status) {
-  const auto code = static_cast<grpc::StatusCode>(status.code());
-  const std::string message(status.message());
-  const ErrorDetail detail =
-      GetErrorDetail(status).value_or(ErrorDetail{absl::StatusCodeToString(status.code()), ""});
-  v1::ErrorDetail ours;
-  ours.set_reason(detail.reason);
-  ours.set_field(detail.field);
-  google::rpc::ErrorInfo info;
-  info.set_reason(detail.reason);
-  info.set_domain("litags");
-  v1::RpcStatus rpc;
-  rpc.set_code(code);
-  rpc.set_message(message);
-  rpc.add_details()->PackFrom(ours);
-  rpc.add_details()->PackFrom(info);
-  return grpc::Status(code, message, rpc.SerializeAsString());
 }
 
 }  // namespace litags::web

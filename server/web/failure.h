@@ -18,14 +18,11 @@ std::string FailureJson(const grpc::Status& status);
 
 // A call that ended with an error.
 Answer Failure(const grpc::Status& status);
-// An error of the gateway itself. `http_code` 0: that of the status.
+// An error of the gateway itself, as the services say it. `http_code` 0: that of the status.
 Answer Failure(const absl::Status& status, int http_code = 0);
 
 // The address takes other methods: `allowed`, as "GET, PUT".
 Answer WrongMethod(const std::string& allowed);
-
-// As the services say it: with ErrorDetail and google.rpc.ErrorInfo.
-grpc::Status ToGrpcStatus(const absl::Status& status);
 
 }  // namespace litags::web
 

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "litags/v1/model_service.pb.h"
+#include "server/errors/to_grpc.h"
 #include "server/web/api.h"
 #include "server/web/failure.h"
 #include "server/web/guard.h"
@@ -82,7 +83,7 @@ asio::awaitable<void> Api::Events(Exchange& exchange, const Route& route, const 
     std::string text = ":\n\n";
     if (got == RpcCall::Got::kMessage) {
       absl::StatusOr<std::string> event = EventText(*message);
-      text = event.ok() ? *std::move(event) : LastEvent(ToGrpcStatus(event.status()));
+      text = event.ok() ? *std::move(event) : LastEvent(ToGrpc(event.status()));
       message = NewResponse(route);  // it may be a picture, and the client slow to read
     }
     open = co_await exchange.SendPiece(text);

@@ -37,12 +37,13 @@ class Reply:
     def json(self):
         return json.loads(self.body)
 
+    def detail(self, kind):
+        """The detail of that type in a google.rpc.Status; {} if there is none."""
+        return next((d for d in self.json()["details"] if d["@type"].endswith("/" + kind)), {})
+
     def reason(self):
         """The reason in a google.rpc.Status."""
-        for detail in self.json()["details"]:
-            if detail["@type"].endswith("litags.v1.ErrorDetail"):
-                return detail["reason"]
-        return None
+        return self.detail("litags.v1.ErrorDetail").get("reason")
 
 
 class Client:

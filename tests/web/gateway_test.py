@@ -195,8 +195,12 @@ class Files(GatewayTest):
         self.assert_fails(self.web.put_file(job, "../x.png", data), 400, "BAD_FILE_NAME")
         self.assert_fails(self.web.put_file(job, "x.png", b"no picture"), 400,
                           "IMAGE_NOT_RECOGNIZED")
-        self.assert_fails(self.web.put_file(job, "x.png", data, role="FILE_ROLE_NONE"), 400,
-                          "REQUEST_FIELD_INVALID")
+        reply = self.web.put_file(job, "x.png", data, role="FILE_ROLE_NONE")
+        self.assert_fails(reply, 400, "REQUEST_FIELD_INVALID")
+        self.assertEqual(reply.detail("google.rpc.ErrorInfo").get("metadata"),
+                         {"field": "role"})
+        violation, = reply.detail("google.rpc.BadRequest")["fieldViolations"]
+        self.assertEqual(violation["field"], "role")
         self.assert_fails(self.web.put_file("jobs/0none", "x.png", data), 404, "JOB_NOT_FOUND")
         path = f"/v1/{job}/files/x.png"
         self.assert_fails(self.web.call("PUT", path, data), 400, "FILE_DIGEST_MISSING")

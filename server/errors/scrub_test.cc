@@ -1,4 +1,4 @@
-#include "server/api/scrub.h"
+#include "server/errors/scrub.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/api/status.h"
+#include "server/errors/to_grpc.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -57,11 +57,11 @@ TEST(ToGrpc, ErrorsHaveTheDetailsThatEveryLanguageReads) {
   EXPECT_FALSE(GoogleDetail<RetryInfo>(bad).has_value());
   EXPECT_FALSE(GoogleDetail<QuotaFailure>(bad).has_value());
 
-  EXPECT_EQ(GoogleDetail<RetryInfo>(ServerBusy())->retry_delay().seconds(), 1);
-  EXPECT_TRUE(GoogleDetail<RetryInfo>(ShuttingDown()).has_value());
   const auto full = [](const char* reason) {
     return MakeError(absl::StatusCode::kResourceExhausted, reason, "", "no more");
   };
+  EXPECT_EQ(GoogleDetail<RetryInfo>(full("SERVER_BUSY"))->retry_delay().seconds(), 1);
+  EXPECT_TRUE(GoogleDetail<RetryInfo>(absl::UnavailableError("shuts down")).has_value());
   EXPECT_EQ(GoogleDetail<QuotaFailure>(full("JOB_QUOTA_REACHED"))->violations(0).subject(),
             "client");
   EXPECT_FALSE(GoogleDetail<RetryInfo>(full("JOB_QUOTA_REACHED")).has_value());

@@ -1,6 +1,6 @@
 // What clients are told of the server's inside: nothing of where things lie. The log says all.
-#ifndef LITAGS_SERVER_API_SCRUB_H_
-#define LITAGS_SERVER_API_SCRUB_H_
+#ifndef LITAGS_SERVER_ERRORS_SCRUB_H_
+#define LITAGS_SERVER_ERRORS_SCRUB_H_
 
 #include <string>
 #include <string_view>
@@ -19,4 +19,4 @@ std::string MessageForClients(const absl::Status& status);
 
 }  // namespace litags
 
-#endif  // LITAGS_SERVER_API_SCRUB_H_
+#endif  // LITAGS_SERVER_ERRORS_SCRUB_H_
