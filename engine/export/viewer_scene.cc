@@ -11,6 +11,7 @@
 #include "engine/core/parallel.h"
 #include "engine/core/spread_indices.h"
 #include "engine/render/renderer.h"
+#include "engine/render/sh_basis.h"
 
 namespace litags {
 namespace {
@@ -18,27 +19,6 @@ namespace {
 // Pictures that weights are summed over: enough to see every part of a room, and seconds of work.
 constexpr size_t kWeighingViews = 64;
 constexpr int kWeighingSide = 320;  // px, the longer one
-
-// The 16 spherical harmonics at a unit direction, signs as in engine/render/sh-inl.h.
-void ShBasis(double x, double y, double z, double* out) {
-  const double xx = x * x, yy = y * y, zz = z * z;
-  out[0] = kSh0;
-  out[1] = -0.4886025119029199 * y;
-  out[2] = 0.4886025119029199 * z;
-  out[3] = -0.4886025119029199 * x;
-  out[4] = 1.0925484305920792 * x * y;
-  out[5] = -1.0925484305920792 * y * z;
-  out[6] = 0.31539156525252005 * (2 * zz - xx - yy);
-  out[7] = -1.0925484305920792 * x * z;
-  out[8] = 0.5462742152960396 * (xx - yy);
-  out[9] = -0.5900435899266435 * y * (3 * xx - yy);
-  out[10] = 2.890611442640554 * x * y * z;
-  out[11] = -0.4570457994644658 * y * (4 * zz - xx - yy);
-  out[12] = 0.3731763325901154 * z * (2 * zz - 3 * xx - 3 * yy);
-  out[13] = -0.4570457994644658 * x * (4 * zz - xx - yy);
-  out[14] = 1.445305721320277 * z * (xx - yy);
-  out[15] = -0.5900435899266435 * x * (xx - 3 * yy);
-}
 
 using ShMatrix = Eigen::Matrix<double, 16, 16>;
 using RotationMatrix = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
@@ -53,11 +33,9 @@ ShMatrix ShRotation(const RotationMatrix& rotation) {
     const double angle = 2.399963229728653 * i;  // the golden angle
     const Eigen::Vector3d d(r * std::cos(angle), r * std::sin(angle), z);
     const Eigen::Vector3d turned = rotation * d;
-    Eigen::Matrix<double, 16, 1> row;
-    ShBasis(d.x(), d.y(), d.z(), row.data());
-    before.row(i) = row.transpose();
-    ShBasis(turned.x(), turned.y(), turned.z(), row.data());
-    after.row(i) = row.transpose();
+    using Row = Eigen::Map<const Eigen::Matrix<double, 1, 16>>;
+    before.row(i) = Row(ShBasis(d.x(), d.y(), d.z()).data());
+    after.row(i) = Row(ShBasis(turned.x(), turned.y(), turned.z()).data());
   }
   // after c' = before c for all c.
   ShMatrix exact = after.colPivHouseholderQr().solve(before);
@@ -184,18 +162,15 @@ std::array<double, 3> DirectionOf(UpAxis axis) {
   }
 }
 
-Matrix3 RotationBetween(const std::array<double, 3>& from, const std::array<double, 3>& to) {
+Matrix3 RotationTo(const std::array<double, 3>& up, UpAxis axis) {
+  if (axis == UpAxis::kKeep) return {1, 0, 0, 0, 1, 0, 0, 0, 1};
   const RotationMatrix rotation =
-      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d(from.data()), Eigen::Vector3d(to.data()))
+      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d(up.data()),
+                                         Eigen::Vector3d(DirectionOf(axis).data()))
           .toRotationMatrix();
   Matrix3 out;
   std::copy_n(rotation.data(), 9, out.data());
   return out;
-}
-
-Matrix3 RotationTo(const std::array<double, 3>& up, UpAxis axis) {
-  if (axis == UpAxis::kKeep) return {1, 0, 0, 0, 1, 0, 0, 0, 1};
-  return RotationBetween(up, DirectionOf(axis));
 }
 
 void PlaceScene(const std::array<double, 3>& up, UpAxis axis, double scale, ViewerScene* scene,

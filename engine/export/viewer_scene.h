@@ -57,9 +57,7 @@ void Rotate(const Matrix3& rotation, Splats* splats, int threads = 0);
 void PlaceScene(const std::array<double, 3>& up, UpAxis axis, double scale, ViewerScene* scene,
                 int threads = 0);
 
-// The rotation by the smallest angle that takes unit vector `from` to unit vector `to`.
-Matrix3 RotationBetween(const std::array<double, 3>& from, const std::array<double, 3>& to);
-// The one that makes `up` the axis; none for kKeep.
+// The rotation by the smallest angle that makes `up`, of unit length, the axis; none for kKeep.
 Matrix3 RotationTo(const std::array<double, 3>& up, UpAxis axis);
 // Unit vector of an axis; `axis` is neither kOfFormat nor kKeep.
 std::array<double, 3> DirectionOf(UpAxis axis);

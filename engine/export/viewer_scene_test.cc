@@ -14,7 +14,7 @@ namespace litags {
 namespace {
 
 // About an axis that is none of the coordinates'.
-Matrix3 SomeRotation() { return RotationBetween({0.6, 0.8, 0}, {0.36, -0.48, 0.8}); }
+Matrix3 SomeRotation() { return RotationTo({0.36, -0.48, 0.8}, UpAxis::kX); }
 
 Matrix3 Product(const Matrix3& a, const Matrix3& b) {
   Matrix3 out{};
@@ -33,7 +33,7 @@ double Difference(const Planes& a, const Planes& b) {
 }
 
 TEST(RotateSh, PicturesFromTurnedCamerasAreEqualForEveryDegree) {
-  const Matrix3 rotation = Product(SomeRotation(), RotationBetween({1, 0, 0}, {0, 0.6, 0.8}));
+  const Matrix3 rotation = Product(SomeRotation(), RotationTo({0, 0.6, 0.8}, UpAxis::kNegativeY));
   Matrix3 inverse;
   for (int i = 0; i < 9; ++i) inverse[i] = rotation[i % 3 * 3 + i / 3];
   for (int degree = 0; degree <= kMaxShDegree; ++degree) {

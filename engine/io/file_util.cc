@@ -13,9 +13,9 @@
 #include <filesystem>
 #include <memory>
 #include <system_error>
-#include <utility>
 
 #include "engine/core/name_key.h"
+#include "engine/core/unique_fd.h"
 #include "engine/core/utf8.h"
 #include "engine/io/io_error.h"
 
@@ -23,24 +23,6 @@ namespace litags {
 namespace {
 
 constexpr char kTempSuffix[] = ".litags-tmp";
-
-// Owns a file descriptor.
-class Fd {
- public:
-  explicit Fd(int fd) : fd_(fd) {}
-  ~Fd() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  Fd(const Fd&) = delete;
-  Fd& operator=(const Fd&) = delete;
-  int get() const { return fd_; }
-  bool valid() const { return fd_ >= 0; }
-  // Closing can report a write error that was deferred (NFS, quotas).
-  bool Close() { return ::close(std::exchange(fd_, -1)) == 0; }
-
- private:
-  int fd_;
-};
 
 absl::Status ErrnoStatus(int error, std::string_view field, const std::string& path,
                          std::string_view doing) {
@@ -96,7 +78,7 @@ bool IsDevice(const std::string& path) {
 
 // 0 or errno.
 int WriteToDevice(const std::string& path, absl::Span<const std::string_view> parts) {
-  Fd fd(::open(path.c_str(), O_WRONLY | O_CLOEXEC));
+  UniqueFd fd(::open(path.c_str(), O_WRONLY | O_CLOEXEC));
   if (!fd.valid()) return errno;
   if (const int error = WriteAll(fd.get(), parts); error != 0) return error;
   return fd.Close() ? 0 : errno;
@@ -104,7 +86,7 @@ int WriteToDevice(const std::string& path, absl::Span<const std::string_view> pa
 
 // Creates `path` with these bytes, on disk when it returns 0; otherwise errno.
 int WriteNewFile(const std::string& path, absl::Span<const std::string_view> parts) {
-  Fd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+  UniqueFd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
   if (!fd.valid()) return errno;
   if (const int error = WriteAll(fd.get(), parts); error != 0) return error;
   if (::fsync(fd.get()) != 0) return errno;
@@ -117,7 +99,7 @@ absl::StatusOr<std::string> ReadFile(const std::string& path, std::string_view f
                                      int64_t max_bytes) {
   if (field.empty()) field = path;
   // O_NONBLOCK: opening a FIFO must not hang; it changes nothing for regular files.
-  Fd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  UniqueFd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   struct stat info;
   if (!fd.valid() || ::fstat(fd.get(), &info) != 0) return ErrnoStatus(errno, field, path, "read");
   if (!S_ISREG(info.st_mode)) {
@@ -167,7 +149,7 @@ absl::Status WriteFileAtomically(const std::string& path,
     ::unlink(temp.c_str());
     return ErrnoStatus(error, path, path, "write");
   }
-  Fd dir(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  UniqueFd dir(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!dir.valid() || ::fsync(dir.get()) != 0) return ErrnoStatus(errno, path, folder, "sync");
   return absl::OkStatus();
 }
