@@ -19,8 +19,7 @@ constexpr uint32_t Kept(int first, int count) { return ((1u << count) - 1) << fi
 bool Denoises(const Model& model) { return model.lita && model.use_pdm; }
 
 void KeepPlanes(int count, Planes* planes) {
-  planes->channels = count;
-  planes->data.resize(count * planes->plane_size());
+  planes->Reshape(count, planes->height, planes->width);
 }
 
 }  // namespace

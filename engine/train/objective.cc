@@ -18,10 +18,7 @@ constexpr float kLowWeight = 0.25f;
 
 // Zeros of the size of `like`, plane by plane.
 void ZeroLike(int threads, PlanesView like, Planes* out) {
-  out->channels = like.channels;
-  out->height = like.height;
-  out->width = like.width;
-  out->data.resize(like.size());
+  out->Reshape(like.channels, like.height, like.width);
   ParallelFor(threads, like.channels, [&](size_t c, int) {
     std::fill_n(out->plane(static_cast<int>(c)), out->plane_size(), 0.0f);
   });
