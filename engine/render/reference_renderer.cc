@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "engine/render/sh_basis.h"
+
 namespace litags {
 namespace {
 
@@ -11,27 +13,6 @@ struct Projected {
   double z, x, y, conic_a, conic_b, conic_c, opacity, dz_dx, dz_dy;
   std::array<double, kNumChannels> features;
 };
-
-// Real SH basis, degree 3, signs of 3DGS.
-std::array<double, 16> ShBasis(double x, double y, double z) {
-  const double xx = x * x, yy = y * y, zz = z * z;
-  return {0.28209479177387814,
-          -0.4886025119029199 * y,
-          0.4886025119029199 * z,
-          -0.4886025119029199 * x,
-          1.0925484305920792 * x * y,
-          -1.0925484305920792 * y * z,
-          0.31539156525252005 * (2 * zz - xx - yy),
-          -1.0925484305920792 * x * z,
-          0.5462742152960396 * (xx - yy),
-          -0.5900435899266435 * y * (3 * xx - yy),
-          2.890611442640554 * x * y * z,
-          -0.4570457994644658 * y * (4 * zz - xx - yy),
-          0.3731763325901154 * z * (2 * zz - 3 * xx - 3 * yy),
-          -0.4570457994644658 * x * (4 * zz - xx - yy),
-          1.445305721320277 * z * (xx - yy),
-          -0.5900435899266435 * x * (xx - 3 * yy)};
-}
 
 std::array<double, 9> Product(const std::array<double, 9>& a, const std::array<double, 9>& b) {
   std::array<double, 9> out = {};
