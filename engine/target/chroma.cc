@@ -9,19 +9,12 @@
 #include "engine/target/bilateral.h"
 #include "engine/target/curve_table.h"
 #include "engine/target/float_image.h"
+#include "engine/target/ycc.h"
 
 namespace litags {
 namespace {
 
 constexpr double kBlur = 1.4;  // px; of the photo that the taps look at
-
-float Luma(const cv::Vec3f& rgb) {
-  return kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2];
-}
-cv::Vec3f LumaChroma(const cv::Vec3f& rgb) {
-  const float y = Luma(rgb);
-  return {y, (rgb[2] - y) / 1.772f, (rgb[0] - y) / 1.402f};
-}
 
 // Deviation of the noise in the codes' luma.
 double LumaNoise(const FloatImage& codes, const PlaneU8& mask) {
@@ -41,7 +34,7 @@ Photo SmoothChroma(const Photo& photo, double gain, double strength,
   if (strength > 0 && noise > kVisibleChromaNoise) {
     const FloatImage blurred = Blur(linear, kBlur);
     FloatImage guide = table(blurred);
-    for (cv::Vec3f& pixel : guide) pixel = LumaChroma(pixel);
+    for (cv::Vec3f& pixel : guide) pixel = YccOfRgb(pixel);
     const auto hidden = static_cast<float>(noise / table.SlopeAtBlack());  // light
     const auto per_range = static_cast<float>(1 / (6 * std::pow(strength * noise, 2)));
     BilateralFilter filter(blurred, guide, mask, per_range);

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/core/color.h"
+#include "engine/target/ycc.h"
 
 namespace litags {
 namespace {
@@ -13,12 +13,6 @@ constexpr float kParts[] = {-1 / 3.0f, 0, 1 / 3.0f};  // of a code, where its co
 // Of Cb / Y and Cr / Y in linear light, pixels of 110 well exposed photos.
 constexpr double kDeviation = 0.37;
 constexpr float kHalf = 0.5f - 1e-4f;  // almost halves are halves, in 16 bits
-
-// Y, Cb and Cr, weights of ITU-R BT.601.
-cv::Vec3f Ycc(float r, float g, float b) {
-  const float y = kLumaRed * r + kLumaGreen * g + kLumaBlue * b;
-  return {y, (b - y) / 1.772f, (r - y) / 1.402f};
-}
 
 // Of a colour over R, G and B: normal over Cb / Y and Cr / Y.
 double Likelihood(const cv::Vec3f& ycc, const cv::Vec2f& mean) {
@@ -33,7 +27,7 @@ cv::Vec3d SumsOfCode(int r, int g, int b, const cv::Vec2f& mean) {
     for (const float dg : kParts) {
       for (const float db : kParts) {
         if (r + dr < 0 || g + dg < 0 || b + db < 0) continue;
-        const cv::Vec3f ycc = Ycc(r + dr, g + dg, b + db);
+        const cv::Vec3f ycc = YccOfRgb({r + dr, g + dg, b + db});
         if (ycc[0] > 0) sums += Likelihood(ycc, mean) * cv::Vec3d(1, ycc[1], ycc[2]);
       }
     }
@@ -61,7 +55,7 @@ JpegChroma::JpegChroma(const cv::Vec2f& mean) : lost_() {
   for (int r = 0; r < kMostCode; ++r) {
     for (int g = 0; g < kMostCode; ++g) {
       for (int b = 0; b < kMostCode; ++b) {
-        const cv::Vec3f ycc = Ycc(r, g, b);
+        const cv::Vec3f ycc = YccOfRgb(cv::Vec3f(r, g, b));
         const int y = static_cast<int>(std::floor(ycc[0] + 0.5f));
         const int cb = static_cast<int>(std::floor(ycc[1] + kHalf)) + kMostChroma;
         const int cr = static_cast<int>(std::floor(ycc[2] + kHalf)) + kMostChroma;

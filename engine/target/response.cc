@@ -15,11 +15,10 @@
 namespace litags {
 namespace {
 
-constexpr int kBrightest = 250 * kPhotoWhite / 255;  // of a patch's samples
-constexpr double kStandardErrors = 3;                // a white balance is drawn to 1 by
-constexpr double kSure = 4;                          // standard errors of the vignette
-constexpr int kGroups = 8;                           // of points
-constexpr double kSmooth = 1e-3;                     // see SolveVignette()
+constexpr double kStandardErrors = 3;  // a white balance is drawn to 1 by
+constexpr double kSure = 4;            // standard errors of the vignette
+constexpr int kGroups = 8;             // of points
+constexpr double kSmooth = 1e-3;       // see SolveVignette()
 constexpr double kSampledShare = 0.98;
 constexpr double kStop = std::numbers::ln2;
 constexpr float kNearWhite = 0.9f * kPhotoWhite;
@@ -31,7 +30,7 @@ static_assert(kTrackColumns == kLampColumn + 1);
 
 // Whether the sensor's range held the light of a patch, so that it tells the light.
 bool Told(const PatchLight& patch, double code_step) {
-  if (patch.brightest >= kBrightest || !AboveBlack(patch, code_step)) return false;
+  if (patch.brightest >= kTintedSample || !AboveBlack(patch, code_step)) return false;
   return std::all_of(patch.light.begin(), patch.light.end(), [](double y) { return y > 0; });
 }
 

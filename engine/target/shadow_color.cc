@@ -12,6 +12,7 @@
 #include "engine/noise/noise_estimate.h"
 #include "engine/target/float_image.h"
 #include "engine/target/jpeg_chroma.h"
+#include "engine/target/ycc.h"
 
 namespace litags {
 namespace {
@@ -50,16 +51,6 @@ constexpr float kTiny = 1e-6f;
 using Sums = cv::Mat_<cv::Vec4f>;
 // Estimates: Cb / Y, Cr / Y, their variance, and Y of the square.
 using Estimates = cv::Mat_<cv::Vec4f>;
-
-cv::Vec3f Ycc(const cv::Vec3f& rgb) {
-  const float y = kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2];
-  return {y, (rgb[2] - y) / 1.772f, (rgb[0] - y) / 1.402f};
-}
-
-cv::Vec3f Rgb(const cv::Vec3f& ycc) {
-  return {ycc[0] + 1.402f * ycc[2], ycc[0] - 0.344136f * ycc[1] - 0.714136f * ycc[2],
-          ycc[0] + 1.772f * ycc[1]};
-}
 
 // 1 / the light of one code squared, by the sample of the luma.
 class PrecisionTable {
@@ -129,8 +120,8 @@ Weights WeightsOf(const Photo& photo, const ColorPrior& prior, const JpegChroma&
   FloatImage codes;
   if (alike > 0) codes.create(photo.height, photo.width);
   for (size_t i = 0; i < photo.pixels(); ++i) {
-    luma(static_cast<int>(i)) = Ycc(LinearPixel(photo, i))[0];
-    if (alike > 0) codes(static_cast<int>(i)) = 255 * Ycc(EncodedPixel(photo, i));
+    luma(static_cast<int>(i)) = YccOfRgb(LinearPixel(photo, i))[0];
+    if (alike > 0) codes(static_cast<int>(i)) = 255 * YccOfRgb(EncodedPixel(photo, i));
   }
   Weights out = {.power = Around(luma),
                  .lost = cv::Mat_<cv::Vec2f>(photo.height, photo.width, cv::Vec2f(0, 0))};
@@ -149,7 +140,7 @@ Weights WeightsOf(const Photo& photo, const ColorPrior& prior, const JpegChroma&
 
 // A pixel's sums, at level 0. Masked pixels have a luma only.
 cv::Vec4f SumsOf(const Photo& photo, const Weights& weights, const PlaneU8& mask, size_t i) {
-  const cv::Vec3f ycc = Ycc(LinearPixel(photo, i));
+  const cv::Vec3f ycc = YccOfRgb(LinearPixel(photo, i));
   const float y = std::max(ycc[0], 0.0f);
   if (!mask.empty() && mask.data[i] == 0) return {0, 0, 0, y};
   const float power = weights.power(static_cast<int>(i));
@@ -280,7 +271,7 @@ ColorPrior MeasureColorPrior(const Photo& photo, const FileSteps& steps, const P
   prior.steps = steps;
   if (photo.empty()) return prior;
   std::vector<float> luma(photo.pixels());
-  for (size_t i = 0; i < luma.size(); ++i) luma[i] = Ycc(EncodedPixel(photo, i))[0];
+  for (size_t i = 0; i < luma.size(); ++i) luma[i] = YccOfRgb(EncodedPixel(photo, i))[0];
   prior.luma_noise =
       NoiseOfChannel(luma.data(), photo.width, photo.height, mask, kShadowTop / 255).Deviation();
   static const JpegChroma grey(cv::Vec2f(0, 0));
@@ -335,12 +326,12 @@ Photo ShadowColors::Infer(const Photo& photo, const PlaneU8& mask, double shrunk
   Photo out = photo;
   ForInterpolated(ratios, photo.width, photo.height, [&](int x, int y, const cv::Vec4f& parent) {
     const size_t i = size_t(y) * photo.width + x;
-    const float code = 255 * Ycc(EncodedPixel(photo, i))[0];
+    const float code = 255 * YccOfRgb(EncodedPixel(photo, i))[0];
     if (code >= kShadowTop) return;
     const cv::Vec4f sums = SumsOf(photo, weights, mask, i);
     const cv::Vec4f ratio = Descend(parent, sums, facts);
-    const float luma = Ycc(LinearPixel(photo, i))[0];
-    const cv::Vec3f inferred = Rgb({luma, sums[3] * ratio[0], sums[3] * ratio[1]});
+    const float luma = YccOfRgb(LinearPixel(photo, i))[0];
+    const cv::Vec3f inferred = RgbOfYcc({luma, sums[3] * ratio[0], sums[3] * ratio[1]});
     const float share = 1 - SmoothStep(2 * code / kShadowTop - 1);
     for (int c = 0; c < 3; ++c) {
       int16_t& value = out.data[3 * i + c];
