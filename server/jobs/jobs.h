@@ -195,7 +195,14 @@ class Jobs {
   absl::Status RemoveOrphan(const std::string& id);
   absl::Status RemoveEndedUploads(const CancelToken& stop);
   absl::Status RemoveAllUnreferencedBlobs(const CancelToken& stop);
+  // By digest, and by the lease that stored them.
+  struct JobBlobs {
+    std::set<std::string> uploaded;
+    std::map<std::string, std::vector<std::string>> of_leases;
+  };
+  absl::StatusOr<JobBlobs> BlobsOf(const std::string& id);
   absl::Status RemoveUnreferencedBlobs(const std::string& id);
+  absl::Status NoteBlobsBut(const std::set<std::string>& named, const std::string& id);
   absl::Status RemoveUnreferencedUploads(const std::string& id, std::set<std::string> digests);
   absl::Status MarkSwept(const std::string& id, const std::string& mark,
                          std::set<std::string>* digests);

@@ -257,22 +257,27 @@ absl::Status Jobs::RemoveEndedUploads(const CancelToken& stop) {
   });
 }
 
+// What is in the job's folder of the blob store.
+absl::StatusOr<Jobs::JobBlobs> Jobs::BlobsOf(const std::string& id) {
+  const std::string folder = absl::StrCat("jobs/", id);
+  LITAGS_ASSIGN_OR_RETURN(const auto names, blobs_->List(folder));
+  JobBlobs blobs;
+  for (const std::string& name : names) {
+    if (IsDigest(name)) {
+      blobs.uploaded.insert(name);
+    } else if (IsNumber(name)) {
+      LITAGS_ASSIGN_OR_RETURN(blobs.of_leases[name], blobs_->List(absl::StrCat(folder, "/", name)));
+    }
+  }
+  return blobs;
+}
+
 // Of files that were replaced or refused while the job took files, and of a worker that died or
 // lost its lease, there may be blobs that no row names. While a job takes no files and does not
 // run, nobody can come to name such a blob, since no lease stores under another one's keys: what is
 // not named now is of no use to anybody.
 absl::Status Jobs::RemoveUnreferencedBlobs(const std::string& id) {
-  const std::string folder = absl::StrCat("jobs/", id);
-  LITAGS_ASSIGN_OR_RETURN(const auto names, blobs_->List(folder));
-  std::map<std::string, std::vector<std::string>> of_leases;
-  std::vector<std::string> uploaded;
-  for (const std::string& name : names) {
-    if (IsDigest(name)) {
-      uploaded.push_back(name);
-    } else if (IsNumber(name)) {
-      LITAGS_ASSIGN_OR_RETURN(of_leases[name], blobs_->List(absl::StrCat(folder, "/", name)));
-    }
-  }
+  LITAGS_ASSIGN_OR_RETURN(const JobBlobs blobs, BlobsOf(id));
   // After the list: a job that does not run now has stored nothing since.
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
   if (job.state == JobState::kUploading || job.state == JobState::kQueued ||
@@ -280,30 +285,55 @@ absl::Status Jobs::RemoveUnreferencedBlobs(const std::string& id) {
     return absl::OkStatus();
   }
   LITAGS_ASSIGN_OR_RETURN(const std::set<std::string> named, BlobsNamedBy(job));
-  LITAGS_RETURN_IF_ERROR(RemoveUnreferencedUploads(id, {uploaded.begin(), uploaded.end()}));
-  for (const auto& [lease, blobs] : of_leases) {
+  LITAGS_RETURN_IF_ERROR(RemoveUnreferencedUploads(id, blobs.uploaded));
+  const std::string folder = absl::StrCat("jobs/", id);
+  for (const auto& [lease, digests] : blobs.of_leases) {
     // The copy is for clang 14, which takes no structured binding by reference.
     const auto is_named = [&named, lease = lease](const std::string& sha256) {
       return named.contains(absl::StrCat(lease, "/", sha256));
     };
-    if (std::none_of(blobs.begin(), blobs.end(), is_named)) {
+    if (std::none_of(digests.begin(), digests.end(), is_named)) {
       LITAGS_RETURN_IF_ERROR(blobs_->RemoveFolder(absl::StrCat(folder, "/", lease)));
       continue;
     }
-    for (const std::string& sha256 : blobs) {
+    for (const std::string& sha256 : digests) {
       if (is_named(sha256)) continue;
       LITAGS_RETURN_IF_ERROR(blobs_->Remove(absl::StrCat(folder, "/", lease, "/", sha256)));
     }
   }
-  return store_
-      ->Update(id,
-               [&](JobTransaction& now) {
-                 if (now.job.last_event != job.last_event) return absl::OkStatus();
-                 now.job.has_unreferenced_blobs = false;
-                 now.job.unreferenced_bytes = 0;
-                 return absl::OkStatus();
-               })
-      .status();
+  bool cleared = false;
+  const auto clear = [&](JobTransaction& now) {
+    cleared = now.job.last_event == job.last_event;
+    if (!cleared) return absl::OkStatus();
+    now.job.has_unreferenced_blobs = false;
+    now.job.unreferenced_bytes = 0;
+    return absl::OkStatus();
+  };
+  LITAGS_RETURN_IF_ERROR(store_->Update(id, clear).status());
+  return cleared ? NoteBlobsBut(named, id) : absl::OkStatus();
+}
+
+// Whoever stores a blob that nothing names says so after. Who said so while others were removed is
+// heard here: the blob was there when the note of it was cleared. One that was named since is
+// noted, too, which costs a look.
+absl::Status Jobs::NoteBlobsBut(const std::set<std::string>& named, const std::string& id) {
+  const auto blobs = BlobsOf(id);
+  if (blobs.ok()) {
+    std::set<std::string> there = blobs->uploaded;
+    for (const auto& [lease, digests] : blobs->of_leases) {
+      for (const std::string& sha256 : digests) there.insert(absl::StrCat(lease, "/", sha256));
+    }
+    if (std::includes(named.begin(), named.end(), there.begin(), there.end())) {
+      return absl::OkStatus();
+    }
+  }
+  absl::Status status = blobs.status();
+  const auto note = [](JobTransaction& job) {
+    job.job.has_unreferenced_blobs = true;
+    return absl::OkStatus();
+  };
+  status.Update(store_->Update(id, note).status());
+  return status;
 }
 
 // A FAILED job may take files again, which may have the digest of an old one: not while the mark of

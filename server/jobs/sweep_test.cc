@@ -210,6 +210,30 @@ TEST_F(SweepTest, UploadedBlobsAreRemovedOutsideOfTransactionsAndNoFileLosesItsB
   EXPECT_TRUE(HasBlob(id, "other"));
 }
 
+TEST_F(SweepTest, BlobsThatComeWhileASweepRemovesOthersAreRemovedByTheNext) {
+  RemovalsAreSlow blobs(blobs_.get());
+  Jobs jobs(store_.get(), &blobs, data_, clock_);
+  Leases leases(store_.get(), &blobs, {}, clock_);
+  const std::string id = jobs_->Create({})->id;
+  for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) ASSERT_TRUE(Add(id, name, name).ok());
+  ASSERT_TRUE(Add(id, "a.jpg", "other").ok());  // replaces "a.jpg"
+  ASSERT_TRUE(jobs.Start(id).ok());
+  const Lease lease = **leases.Acquire("w");
+  ASSERT_TRUE(leases.Fail(lease, absl::InternalError("x")).ok());
+
+  // A worker that finds out only now that it has no lease any more.
+  const std::string late = BlobKey(id, LeaseBlob(lease.job.last_event, Sha256::Hex("scene")));
+  blobs.on_remove = [&] {
+    EXPECT_TRUE(blobs_->Put(late, "scene").ok());
+    return leases.NoteUnreferencedBlobs(lease);
+  };
+  ASSERT_TRUE(jobs.Sweep().ok());
+  EXPECT_FALSE(HasBlob(id, "a.jpg"));
+  ASSERT_TRUE(jobs.Sweep().ok());
+  EXPECT_FALSE(blobs_->Get(late).ok());
+  EXPECT_TRUE(store_->JobsWithUnreferencedBlobs(10)->empty());
+}
+
 TEST_F(SweepTest, AFaultOfOneJobKeepsNothingElseAndTheFailedSweepIsRepeated) {
   RemovalsAreSlow blobs(blobs_.get());
   Jobs jobs(store_.get(), &blobs, data_, clock_);
