@@ -112,12 +112,13 @@ void JobReporter::End() {
 
 absl::Status JobReporter::Finish(const CancelToken& stop) {
   End();
-  urgent_ = true;
-  const absl::Status status = lease_lost_ ? absl::AbortedError("the lease is lost")
-                                          : WhileAway(stop, [&]() -> absl::Status {
-                                              LITAGS_RETURN_IF_ERROR(WriteWords());
-                                              return KeepFiles();
-                                            });
+  const auto write = [&]() -> absl::Status {
+    urgent_ = true;  // at each try
+    LITAGS_RETURN_IF_ERROR(WriteWords());
+    return KeepFiles();
+  };
+  const absl::Status status =
+      lease_lost_ ? absl::AbortedError("the lease is lost") : WhileAway(stop, write);
   if (absl::IsAborted(status)) NoteFailure("", status);
   return status;
 }

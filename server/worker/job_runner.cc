@@ -23,11 +23,12 @@ namespace {
 namespace fs = std::filesystem;
 
 // Lays out the job's files as the engine wants them, with what earlier leases kept; afresh when a
-// store was away. The names were checked when they were uploaded: one component, no leading dot.
+// store was away. CANCELLED before the next file once `cancel` is raised. The names were checked
+// when they were uploaded: one component, no leading dot.
 absl::StatusOr<ReconstructInput> PrepareInput(const Lease& lease, const WorkerContext& context,
-                                              WorkFolder* folder) {
+                                              const CancelToken& cancel, WorkFolder* folder) {
   const std::string& job_id = lease.job.id;
-  LITAGS_RETURN_IF_ERROR(folder->Fetch());
+  LITAGS_RETURN_IF_ERROR(folder->Fetch(cancel));
   const fs::path input = folder->input();
   const fs::path photos = input / "photos", depths = input / "depths", masks = input / "masks";
   const fs::path colmap = input / "colmap", video = input / "video";
@@ -70,8 +71,11 @@ absl::StatusOr<ReconstructInput> PrepareInput(const Lease& lease, const WorkerCo
       case FileRole::kArchive:
         continue;  // its files have rows of their own
     }
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
     LITAGS_RETURN_IF_ERROR(context.blobs->Fetch(BlobKey(job_id, file.sha256), path));
   }
+  // Or an engine that begins now would have had its time to stop already.
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
   return result;
 }
 
@@ -90,10 +94,7 @@ Outcome Reconstruct(const Lease& lease, const WorkerContext& context, const Work
                                   ? options.threads
                                   : std::min(engine_options->threads, options.threads);
   }
-  auto input = WhileAway(cancel, [&]() -> absl::StatusOr<ReconstructInput> {
-    LITAGS_RETURN_IF_ERROR(cancel.Check());
-    return PrepareInput(lease, context, folder);
-  });
+  auto input = WhileAway(cancel, [&] { return PrepareInput(lease, context, cancel, folder); });
   if (!input.ok()) return {input.status(), absl::OkStatus()};
   input->depth_network = options.depth_network;
   input->frame_program = OwnPickFramesProgram();

@@ -27,7 +27,7 @@ struct WorkerOptions {
   double look_seconds = 2;            // between looks for work of which nobody told
   double progress_seconds = 1;        // between progress events within one stage
   double keep_seconds = 0;            // between two times that the engine's files are stored
-  double grace_seconds = 5;           // for an engine to obey its cancel token
+  double grace_seconds = 5;  // for an engine, and at a shutdown a fetch, to obey its cancel token
   // Between looks of a worker that cannot begin jobs at whether it can again; doubles.
   double min_rest_seconds = 1, max_rest_seconds = 60;
   // Called when it does not: must not return. The store already says what becomes of the job.

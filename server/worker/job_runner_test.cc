@@ -180,6 +180,82 @@ TEST_F(JobRunnerTest, TimeInWhichABlobStoreIsAwayIsNoRunTimeOfTheNextLeaseEither
   EXPECT_EQ(jobs_.Get(id)->state, JobState::kSucceeded) << jobs_.Get(id)->error;
 }
 
+TEST_F(JobRunnerTest, CancelEndsTheFetchingOfFilesAfterTheFileAndNotTheWorker) {
+  const std::string id = QueuedJob();
+  std::atomic<bool> gave_up = false;
+  options_.give_up = [&] { gave_up = true; };
+  options_.grace_seconds = 0.1;
+  options_.poll_seconds = 0.01;
+  int reads = 0;
+  blobs_.on_read = [&](std::string_view) {
+    if (++reads == 1) {
+      EXPECT_TRUE(jobs_.Cancel(id).ok());
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(400));
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(Run().ok());
+  EXPECT_FALSE(gave_up);
+  EXPECT_LT(reads, 3);
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kCancelled);
+}
+
+// An engine that says two things, the second of which is written after its end.
+class Talkative : public Engine {
+ public:
+  explicit Talkative(std::function<void()> between) : between_(std::move(between)) {}
+  absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput&, const ReconstructOptions&,
+                                                const CancelToken&,
+                                                ReconstructObserver* observer) override {
+    Progress progress;
+    progress.stage = Stage::kTraining;
+    for (progress.iteration = 1; progress.iteration <= 2; ++progress.iteration) {
+      observer->OnProgress(progress);
+      if (progress.iteration == 1) between_();
+    }
+    return absl::InternalError("no scene");
+  }
+  absl::StatusOr<std::shared_ptr<const Scene>> LoadScene(const std::string&) override {
+    return absl::UnimplementedError("no scenes");
+  }
+
+ private:
+  const std::function<void()> between_;
+};
+
+TEST_F(JobRunnerTest, LastProgressIsWrittenAlsoWhenTheStoreWasAwayAtTheEnd) {
+  class AwayOnce : public ClientJobStore {
+   public:
+    explicit AwayOnce(JobStore* store) : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+    absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override {
+      if (away.exchange(false)) return absl::UnavailableError("away");
+      return ClientJobStore::Update(id, change);
+    }
+    std::atomic<bool> away = false;
+  };
+  AwayOnce store(store_.get());
+  Leases leases(&store, &blobs_);
+  const std::string id = QueuedJob();
+  const auto last_iteration = [&] {
+    const std::string progress = store_->Get(id)->progress;
+    return progress.empty() ? 0 : Decode<ProgressRecord>(progress)->progress.iteration;
+  };
+  Talkative engine([&] {
+    const auto is_written = [&] {
+      return store_->Log(id, 0, 99)->back().text.find("iteration 1") != std::string::npos;
+    };
+    for (int i = 0; i < 500 && !is_written(); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    store.away = true;
+  });
+  context_.leases = &leases;
+  context_.engine = &engine;
+  options_.poll_seconds = options_.progress_seconds = 60;
+  EXPECT_TRUE(Run().ok());
+  EXPECT_EQ(last_iteration(), 2);
+}
+
 TEST_F(JobRunnerTest, MemoryIsLimitedWhileTheJobStoreIsAway) {
   // Away until the engine has stopped.
   class AwayStore : public ClientJobStore {

@@ -37,11 +37,12 @@ absl::StatusOr<std::unique_ptr<WorkFolder>> WorkFolder::Make(const Lease& lease,
   return folder;
 }
 
-absl::Status WorkFolder::Fetch() {
+absl::Status WorkFolder::Fetch(const CancelToken& cancel) {
   if (lease_.job.kept.empty()) return absl::OkStatus();
   LITAGS_ASSIGN_OR_RETURN(kept_, Decode<KeptFiles>(lease_.job.kept));
   for (const auto& [name, file] : kept_) {
     if (name == kFinishedScene) continue;
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
     const fs::path path = fs::path(run()) / name;
     std::error_code error;
     if (!fs::exists(path.parent_path())) fs::create_directories(path.parent_path(), error);

@@ -9,6 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
 #include "server/jobs/kept_files.h"
 #include "server/jobs/leases.h"
 #include "server/worker/scratch_folder.h"
@@ -29,8 +30,9 @@ class WorkFolder {
   std::string run() const { return scratch_->path() + "/run"; }
 
   // Once, before the engine runs. A kept file that is gone or damaged is left out: the engine can
-  // do without any. Errors of the blob store.
-  absl::Status Fetch();
+  // do without any. Errors of the blob store; CANCELLED before the next file once `cancel` is
+  // raised.
+  absl::Status Fetch(const CancelToken& cancel = {});
 
   // Stores the files that are new or were replaced since the last call; those in `but` at another
   // time. What is gone is not kept any more. The blob store's errors leave it as it was; what was
