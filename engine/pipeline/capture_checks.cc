@@ -9,6 +9,7 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/render/renderer.h"
+#include "engine/target/sample_counts.h"
 
 namespace litags {
 namespace {
@@ -22,26 +23,17 @@ constexpr double kNearShare = 0.5, kNearest = 0.01;
 constexpr double kLeastNearPlane = 1e-5;  // scene units; sizes of Gaussians end at 1e-7
 constexpr double kMaxCoordinate = 1e15;   // scene units; squares of sizes must fit into floats
 
-// The sample of a channel that `rank` of the counted ones lie below, or with it. By counting: to
-// sort them takes seconds where photos are large.
-int MiddleSample(const Photo& photo, const PlaneU8& mask, int channel, size_t rank) {
-  constexpr int kLeast = -32768, kSamples = 65536;
-  std::vector<uint32_t> counts(kSamples);
-  ForCounted(mask, photo.pixels(),
-             [&](size_t i) { ++counts[photo.data[3 * i + channel] - kLeast]; });
-  size_t below = 0;
-  int sample = 0;
-  while ((below += counts[sample]) <= rank) ++sample;
-  return kLeast + sample;
-}
-
 }  // namespace
 
 std::optional<std::array<uint8_t, 3>> FlatColor(const Photo& photo, const PlaneU8& mask) {
   const size_t n = CountedPixels(mask, photo.pixels());
   // A colour that most pixels have is the middle one of every channel.
   std::array<int, 3> color;
-  for (int c = 0; c < 3; ++c) color[c] = MiddleSample(photo, mask, c, n / 2);
+  for (int c = 0; c < 3; ++c) {
+    SampleCounts counts;
+    ForCounted(mask, photo.pixels(), [&](size_t i) { counts.Add(photo.data[3 * i + c]); });
+    color[c] = counts.Median();
+  }
   size_t others = 0;
   ForCounted(mask, photo.pixels(), [&](size_t i) {
     bool other = false;

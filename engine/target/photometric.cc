@@ -12,6 +12,7 @@
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/core/quantile.h"
+#include "engine/target/sample_counts.h"
 
 namespace litags {
 namespace {
@@ -71,20 +72,13 @@ std::optional<double> LogLight(const Photo& photo, const PlaneU8& mask, double x
   return std::log((patch->light[0] + patch->light[1] + patch->light[2]) / 3);
 }
 
-// Log of the median linear light of a whole photo. By counting: to sort its samples takes long.
+// Log of the median linear light of a whole photo.
 double LogMedianLight(const Photo& photo, const PlaneU8& mask) {
-  constexpr int kLeast = -32768, kSamples = 65536;
-  std::vector<uint32_t> counts(kSamples);
+  SampleCounts counts;
   ForCounted(mask, photo.pixels(), [&](size_t i) {
-    for (size_t k = 3 * i; k < 3 * i + 3; ++k) ++counts[photo.data[k] - kLeast];
+    for (size_t k = 3 * i; k < 3 * i + 3; ++k) counts.Add(photo.data[k]);
   });
-  // The upper of the two in the middle: so many lie below it.
-  const size_t rank = 3 * CountedPixels(mask, photo.pixels()) / 2;
-  size_t below = 0;
-  int sample = 0;
-  while (sample < kSamples - 1 && (below += counts[sample]) <= rank) ++sample;
-  const int median = rank > 0 ? kLeast + sample : 0;
-  return std::log(LinearTable::Get()(static_cast<int16_t>(std::max<int>(median, kLeastSample))));
+  return std::log(LinearTable::Get()(std::max(counts.Median(), kLeastSample)));
 }
 
 std::vector<Sample> TakeSamples(absl::Span<const Photo> photos,
