@@ -136,8 +136,8 @@ absl::StatusOr<CaptureTargets> MakeCaptureTargets(const Context& context, const 
     PhotoProgress done(Reporter(context), "structure maps", posed.size());
     LITAGS_ASSIGN_OR_RETURN(
         CapturePriors priors,
-        ComputeCapturePriors(made.photos, StructurePriorOptions(), context.options.threads,
-                             context.cancel, posed.masks, [&](int thread) { done.Done(thread); }));
+        ComputeCapturePriors(made.photos, context.options.threads, context.cancel, posed.masks,
+                             [&](int thread) { done.Done(thread); }));
     made.structure = std::move(priors.maps);
   }
   return made;

@@ -20,6 +20,11 @@ namespace {
 constexpr float kColorModel[3][3] = {
     {0.06f, 0.63f, 0.27f}, {0.3f, 0.04f, -0.35f}, {0.34f, -0.6f, 0.17f}};
 
+// The floor of E in deviations of its noise: a dark pixel tells nothing of structure.
+constexpr double kNoiseFactor = 3;
+// Of P > 0, that maps to 1: L1 has one scale for the capture, whatever a few pixels show.
+constexpr double kScalePercentile = 99;
+
 struct Kernels {
   int radius = 0;
   std::vector<float> smooth;      // sums to 1
@@ -27,7 +32,7 @@ struct Kernels {
 };
 
 // LITA-GS Eq. 7: f and its derivative.
-Kernels MakeKernels(double sigma, bool l1_normalize) {
+Kernels MakeKernels(double sigma) {
   Kernels kernels;
   kernels.radius = static_cast<int>(std::ceil(3 * sigma + 0.5));
   std::vector<double> g;
@@ -36,37 +41,23 @@ Kernels MakeKernels(double sigma, bool l1_normalize) {
     g.push_back(std::exp(-i * i / (2 * sigma * sigma)));
     sum += g.back();
   }
-  double l1 = 0;
   for (int i = -kernels.radius; i <= kernels.radius; ++i) {
-    double& v = g[i + kernels.radius];
-    v /= sum;
-    l1 += std::abs(i) / (sigma * sigma) * v;
-  }
-  const double scale = l1_normalize ? 1 / l1 : 1;
-  for (int i = -kernels.radius; i <= kernels.radius; ++i) {
-    const double v = g[i + kernels.radius];
+    const double v = g[i + kernels.radius] / sum;
     kernels.smooth.push_back(static_cast<float>(v));
-    kernels.derivative.push_back(static_cast<float>(i / (sigma * sigma) * v * scale));
+    kernels.derivative.push_back(static_cast<float>(i / (sigma * sigma) * v));
   }
   return kernels;
 }
 
-// Where sample i of n is read, -1 for "zero". |i| passes the edges by less than n.
-int BorderIndex(int i, int n, PriorBorder border) {
-  if (i >= 0 && i < n) return i;
-  switch (border) {
-    case PriorBorder::kZero:
-      return -1;
-    case PriorBorder::kReplicate:
-      return i < 0 ? 0 : n - 1;
-    case PriorBorder::kReflect101:
-      return i < 0 ? -i : 2 * (n - 1) - i;
-  }
-  return -1;
+// Where sample i of n is read: photos are mirrored at their edges, whose samples are not repeated.
+// |i| passes the edges by less than n.
+int Mirrored(int i, int n) {
+  if (i < 0) return -i;
+  return i < n ? i : 2 * (n - 1) - i;
 }
 
 // Correlation along x of [1, H, W].
-Planes AlongX(const Planes& in, const std::vector<float>& kernel, PriorBorder border) {
+Planes AlongX(const Planes& in, const std::vector<float>& kernel) {
   const int radius = static_cast<int>(kernel.size()) / 2, width = in.width;
   Planes out(1, in.height, width);
   std::vector<float> padded(width + 2 * radius);
@@ -76,10 +67,8 @@ Planes AlongX(const Planes& in, const std::vector<float>& kernel, PriorBorder bo
     const float* row = &in.data[size_t(y) * width];
     std::copy_n(row, width, padded.data() + radius);
     for (int k = 1; k <= radius; ++k) {
-      const int before = BorderIndex(-k, width, border),
-                after = BorderIndex(width - 1 + k, width, border);
-      padded[radius - k] = before < 0 ? 0.0f : row[before];
-      padded[radius + width - 1 + k] = after < 0 ? 0.0f : row[after];
+      padded[radius - k] = row[Mirrored(-k, width)];
+      padded[radius + width - 1 + k] = row[Mirrored(width - 1 + k, width)];
     }
     SumWeightedRows(taps, kernel, width, &out.at(0, y, 0));
   }
@@ -87,15 +76,13 @@ Planes AlongX(const Planes& in, const std::vector<float>& kernel, PriorBorder bo
 }
 
 // Correlation along y of [1, H, W].
-Planes AlongY(const Planes& in, const std::vector<float>& kernel, PriorBorder border) {
+Planes AlongY(const Planes& in, const std::vector<float>& kernel) {
   const int radius = static_cast<int>(kernel.size()) / 2, width = in.width;
   Planes out(1, in.height, width);
-  const std::vector<float> zeros(width);
   std::vector<const float*> taps(kernel.size());
   for (int y = 0; y < in.height; ++y) {
     for (int k = -radius; k <= radius; ++k) {
-      const int from = BorderIndex(y + k, in.height, border);
-      taps[k + radius] = from < 0 ? zeros.data() : &in.data[size_t(from) * width];
+      taps[k + radius] = &in.data[size_t(Mirrored(y + k, in.height)) * width];
     }
     SumWeightedRows(taps, kernel, width, &out.at(0, y, 0));
   }
@@ -144,68 +131,31 @@ double PercentileAbove0(const std::vector<uint64_t>& counts, double percentile) 
   return 0;
 }
 
-absl::Status BadOption(absl::string_view name, double value, absl::string_view rule) {
-  return InvalidInput("BAD_OPTION", absl::StrCat("prior.", name),
-                      absl::StrCat("structure prior: ", name, " = ", value, ", must be ", rule));
-}
-
 }  // namespace
 
-absl::Status StructurePriorOptions::Validate() const {
-  // Negated, so that NaN fails too.
-  if (!(sigma_px > 0 && sigma_px <= 100)) return BadOption("sigma_px", sigma_px, "in (0, 100]");
-  if (!(beta >= 0 && std::isfinite(beta))) return BadOption("beta", beta, "finite and >= 0");
-  if (!(gamma >= 0 && std::isfinite(gamma))) return BadOption("gamma", gamma, "finite and >= 0");
-  if (!(epsilon >= 0 && epsilon <= 1)) return BadOption("epsilon", epsilon, "in [0, 1]");
-  if (!(floor <= 1)) return BadOption("floor", floor, "at most 1 (negative: automatic)");
-  if (!(floor_noise_factor > 0 && floor_noise_factor <= 100)) {
-    return BadOption("floor_noise_factor", floor_noise_factor, "in (0, 100]");
-  }
-  if (!(percentile > 0 && percentile <= 100)) {
-    return BadOption("percentile", percentile, "in (0, 100]");
-  }
-  return absl::OkStatus();
-}
+double PriorSigma(int width, int height) { return std::max(0.5, std::max(width, height) / 500.0); }
 
-absl::StatusOr<Planes> StructurePrior(const Planes& rgb, const StructurePriorOptions& options) {
-  LITAGS_RETURN_IF_ERROR(options.Validate());
-  if (options.floor < 0) return BadOption("floor", options.floor, "set for a single photo");
-  const int longer = std::max(rgb.width, rgb.height);
-  const double sigma = options.scale_sigma_to_size
-                           ? std::max(0.5, options.sigma_px * longer / 500.0)
-                           : options.sigma_px;
-  const Kernels kernels = MakeKernels(sigma, options.l1_normalize);
+absl::StatusOr<Planes> StructurePrior(const Planes& rgb, double sigma_px, double floor) {
+  const Kernels kernels = MakeKernels(sigma_px);
   if (rgb.channels != 3 || std::min(rgb.width, rgb.height) <= kernels.radius) {
     return InvalidInput(
         "IMAGE_TOO_SMALL", "image",
         absl::StrCat("structure prior: a photo of ", rgb.width, "x", rgb.height, " px and ",
                      rgb.channels, " channels, must be RGB and more than ", kernels.radius,
-                     " px each way; leave it out or lower sigma_px"));
+                     " px each way; leave it out"));
   }
-  const bool one_axis = options.derivative == PriorDerivative::kOneAxis;
-  const double weights[3] = {1, options.beta, options.gamma};
   Planes prior(1, rgb.height, rgb.width), divisor;
   for (int c = 0; c < 3; ++c) {
-    const Planes map = ColorModelRow(rgb, c);
-    Planes dx = AlongX(map, kernels.derivative, options.border), dy;
-    if (one_axis) {
-      dy = AlongY(map, kernels.derivative, options.border);
-      if (c == 0) divisor = map;
-    } else {
-      const Planes smooth = AlongX(map, kernels.smooth, options.border);
-      dx = AlongY(dx, kernels.smooth, options.border);
-      dy = AlongY(smooth, kernels.derivative, options.border);
-      if (c == 0) divisor = AlongY(smooth, kernels.smooth, options.border);
-    }
-    const float weight = static_cast<float>(weights[c]);
+    const Planes map = ColorModelRow(rgb, c), smooth = AlongX(map, kernels.smooth);
+    const Planes dx = AlongY(AlongX(map, kernels.derivative), kernels.smooth);
+    const Planes dy = AlongY(smooth, kernels.derivative);
+    if (c == 0) divisor = AlongY(smooth, kernels.smooth);
     for (size_t i = 0; i < prior.data.size(); ++i) {
-      prior.data[i] += weight * (dx.data[i] * dx.data[i] + dy.data[i] * dy.data[i]);
+      prior.data[i] += dx.data[i] * dx.data[i] + dy.data[i] * dy.data[i];
     }
   }
-  const float epsilon = static_cast<float>(options.epsilon),
-              floor = static_cast<float>(options.floor);
   for (size_t i = 0; i < prior.data.size(); ++i) {
-    const float e = std::max(divisor.data[i] + epsilon, floor);
+    const float e = std::max(divisor.data[i], static_cast<float>(floor));
     prior.data[i] = e > 0 ? std::sqrt(prior.data[i]) / e : 0.0f;  // no light, no structure
   }
   return prior;
@@ -229,26 +179,22 @@ double IntensityNoise(const Photo& photo, const PlaneU8& mask) {
   return std::max(rounding, noise.Deviation() / 255);
 }
 
-double NoiseFloor(absl::Span<const Photo> photos, const StructurePriorOptions& options, int threads,
-                  absl::Span<const PlaneU8> masks) {
+double IntensityFloor(absl::Span<const Photo> photos, int threads,
+                      absl::Span<const PlaneU8> masks) {
   std::vector<float> noise(photos.size());
   ParallelFor(threads, photos.size(), [&](size_t i, int) {
     noise[i] = static_cast<float>(IntensityNoise(photos[i], MaskOf(masks, i)));
   });
   // E is 1 at most. Stars in black have more noise than light.
-  return std::min(1.0, options.floor_noise_factor * MedianInPlace(noise));
+  return std::min(1.0, kNoiseFactor * MedianInPlace(noise));
 }
 
-absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photos,
-                                                   const StructurePriorOptions& options,
-                                                   int threads, const CancelToken& cancel,
+absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photos, int threads,
+                                                   const CancelToken& cancel,
                                                    absl::Span<const PlaneU8> masks,
                                                    const std::function<void(int)>& done) {
-  LITAGS_RETURN_IF_ERROR(options.Validate());
   CapturePriors result;
-  StructurePriorOptions resolved = options;
-  if (resolved.floor < 0) resolved.floor = NoiseFloor(photos, options, threads, masks);
-  result.floor = resolved.floor;
+  result.floor = IntensityFloor(photos, threads, masks);
   if (threads <= 0) threads = DefaultThreadCount();
   std::vector<absl::Status> status(photos.size());
 
@@ -259,7 +205,8 @@ absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photo
   ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
     status[i] = cancel.Check();
     if (!status[i].ok()) return;
-    const auto prior = StructurePrior(ToPlanes(photos[i]), resolved);
+    const auto prior = StructurePrior(ToPlanes(photos[i]),
+                                      PriorSigma(photos[i].width, photos[i].height), result.floor);
     status[i] = prior.status();
     if (!prior.ok()) return;
     ForCounted(MaskOf(masks, i), prior->data.size(),
@@ -272,7 +219,7 @@ absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photo
   for (int t = 1; t < threads; ++t) {
     for (size_t code = 0; code < kCodes; ++code) counts[0][code] += counts[t][code];
   }
-  result.scale = PercentileAbove0(counts[0], options.percentile);
+  result.scale = PercentileAbove0(counts[0], kScalePercentile);
   if (!(result.scale > 0)) {
     return InvalidInput("NO_STRUCTURE", "images",
                         "the photos show no structure at all (all of one colour); take photos with "

@@ -28,18 +28,11 @@ Photo MakePhoto(int width, int height, double exposure, double noise, uint64_t s
   return PhotoFromU8(ToImageU8(image));
 }
 
-StructurePriorOptions Plain() {
-  StructurePriorOptions options;
-  options.scale_sigma_to_size = false;
-  options.floor = 0;
-  return options;
-}
-
 TEST(StructurePrior, DoesNotSeeTheExposure) {
   const Planes photo = ToPlanes(MakePhoto(60, 40, 0.9, 0, 1));
   Planes dark = photo;
   for (float& v : dark.data) v *= 0.07f;
-  const auto a = StructurePrior(photo, Plain()), b = StructurePrior(dark, Plain());
+  const auto a = StructurePrior(photo, 1, 0), b = StructurePrior(dark, 1, 0);
   ASSERT_TRUE(a.ok() && b.ok());
   for (size_t i = 0; i < a->data.size(); ++i) {
     ASSERT_NEAR(a->data[i], b->data[i], 2e-5 * (1 + a->data[i]));  // single precision
@@ -50,17 +43,13 @@ TEST(StructurePrior, OfAFlatPhotoIsZeroAndOfABlackOneToo) {
   for (const float level : {0.0f, 0.3f}) {
     Planes flat(3, 20, 30);
     std::fill(flat.data.begin(), flat.data.end(), level);
-    const auto prior = StructurePrior(flat, Plain());
+    const auto prior = StructurePrior(flat, 1, 0);
     ASSERT_TRUE(prior.ok());
     for (const float p : prior->data) ASSERT_NEAR(p, 0, 1e-6);
   }
 }
 
-// Of one scene at one scale, whichever way the camera was held.
 TEST(StructurePrior, OfATurnedPhotoIsTheTurnedPrior) {
-  StructurePriorOptions options = Plain();
-  options.scale_sigma_to_size = true;
-  options.sigma_px = 5;
   const Planes photo = ToPlanes(MakePhoto(200, 80, 0.9, 0.02, 1));
   Planes turned(3, 200, 80);
   for (int c = 0; c < 3; ++c) {
@@ -68,44 +57,27 @@ TEST(StructurePrior, OfATurnedPhotoIsTheTurnedPrior) {
       for (int x = 0; x < 80; ++x) turned.at(c, y, x) = photo.at(c, x, y);
     }
   }
-  const auto a = StructurePrior(photo, options), b = StructurePrior(turned, options);
+  const auto a = StructurePrior(photo, 2, 0), b = StructurePrior(turned, 2, 0);
   ASSERT_TRUE(a.ok() && b.ok());
   for (int y = 0; y < 200; ++y) {
     for (int x = 0; x < 80; ++x) ASSERT_NEAR(b->at(0, y, x), a->at(0, x, y), 1e-5);
   }
 }
 
-TEST(StructurePrior, ScalesItsGaussianWithTheLongerSide) {
-  StructurePriorOptions scaled = Plain(), fixed = Plain();
-  scaled.scale_sigma_to_size = true;
-  scaled.sigma_px = 5;
-  fixed.sigma_px = 5 * 200 / 500.0;
-  const Planes photo = ToPlanes(MakePhoto(200, 50, 0.9, 0.02, 1));
-  EXPECT_EQ(StructurePrior(photo, scaled)->data, StructurePrior(photo, fixed)->data);
+// Of one scene at one scale, whichever way the camera was held.
+TEST(PriorSigma, IsThatOfTheLongerSide) {
+  EXPECT_EQ(PriorSigma(500, 300), 1);
+  EXPECT_EQ(PriorSigma(1000, 300), 2);
+  EXPECT_EQ(PriorSigma(300, 1000), 2);
+  EXPECT_EQ(PriorSigma(200, 100), 0.5);
 }
 
 TEST(StructurePrior, RefusesAPhotoSmallerThanItsKernel) {
-  StructurePriorOptions options = Plain();
-  options.sigma_px = 3;  // radius 10
-  EXPECT_TRUE(StructurePrior(Planes(3, 11, 40), options).ok());
-  const auto small = StructurePrior(Planes(3, 10, 40), options);
+  const double sigma = 3;  // radius 10
+  EXPECT_TRUE(StructurePrior(Planes(3, 11, 40), sigma, 0).ok());
+  const auto small = StructurePrior(Planes(3, 10, 40), sigma, 0);
   ASSERT_FALSE(small.ok());
   EXPECT_EQ(GetErrorDetail(small.status())->reason, "IMAGE_TOO_SMALL");
-}
-
-TEST(StructurePriorOptions, RejectsNumbersThatMakeNoSense) {
-  const auto invalid = [](auto change) {
-    StructurePriorOptions options;
-    change(options);
-    return options.Validate().code() == absl::StatusCode::kInvalidArgument;
-  };
-  EXPECT_TRUE(StructurePriorOptions().Validate().ok());
-  EXPECT_TRUE(invalid([](auto& o) { o.sigma_px = 0; }));
-  EXPECT_TRUE(invalid([](auto& o) { o.sigma_px = NAN; }));
-  EXPECT_TRUE(invalid([](auto& o) { o.beta = -1; }));
-  EXPECT_TRUE(invalid([](auto& o) { o.floor = NAN; }));
-  EXPECT_TRUE(invalid([](auto& o) { o.percentile = 0; }));
-  EXPECT_TRUE(invalid([](auto& o) { o.floor_noise_factor = 0; }));
 }
 
 TEST(IntensityNoise, FindsTheNoiseOfE) {
@@ -134,15 +106,13 @@ TEST(IntensityNoise, IsNeverBelowTheRoundingOfBytes) {
 TEST(CapturePriors, ShareOneScaleThatClipsOnePercent) {
   std::vector<Photo> photos;
   for (int i = 0; i < 3; ++i) photos.push_back(MakePhoto(120, 90, 0.2 + 0.3 * i, 0.005, i));
-  StructurePriorOptions options;
-  const auto priors = ComputeCapturePriors(photos, options, 2, CancelToken());
+  const auto priors = ComputeCapturePriors(photos, 2, CancelToken());
   ASSERT_TRUE(priors.ok()) << priors.status();
   ASSERT_EQ(priors->maps.size(), 3u);
-  EXPECT_NEAR(priors->floor, NoiseFloor(photos, options, 1), 1e-12);
-  options.floor = priors->floor;
+  EXPECT_NEAR(priors->floor, IntensityFloor(photos, 1), 1e-12);
   size_t above = 0, total = 0;
   for (int i = 0; i < 3; ++i) {
-    const Planes p = *StructurePrior(ToPlanes(photos[i]), options);
+    const Planes p = *StructurePrior(ToPlanes(photos[i]), PriorSigma(120, 90), priors->floor);
     for (size_t k = 0; k < p.data.size(); ++k, ++total) {
       above += p.data[k] > priors->scale;
       // Half a step of rounding, and 16 bits of P.
@@ -158,9 +128,9 @@ TEST(CapturePriors, AreTheSameBytesForAnyNumberOfThreads) {
   std::vector<Photo> photos;
   for (int i = 0; i < 5; ++i) photos.push_back(MakePhoto(70, 50, 0.5, 0.01, i));
   int done = 0;
-  const auto one = ComputeCapturePriors(photos, {}, 1, CancelToken(), {}, [&](int) { ++done; });
+  const auto one = ComputeCapturePriors(photos, 1, CancelToken(), {}, [&](int) { ++done; });
   EXPECT_EQ(done, 5);
-  const auto four = ComputeCapturePriors(photos, {}, 4, CancelToken());
+  const auto four = ComputeCapturePriors(photos, 4, CancelToken());
   ASSERT_TRUE(one.ok() && four.ok());
   EXPECT_EQ(one->scale, four->scale);
   for (int i = 0; i < 5; ++i) EXPECT_EQ(one->maps[i].data, four->maps[i].data);
@@ -173,21 +143,21 @@ TEST(CapturePriors, OfALampInBlackHaveTheLampsScale) {
     for (int x = 100; x < 120; ++x) std::fill_n(photo.pixel(x, y), 3, uint8_t{250});
   }
   const auto priors =
-      ComputeCapturePriors(std::vector<Photo>(2, PhotoFromU8(photo)), {}, 1, CancelToken());
+      ComputeCapturePriors(std::vector<Photo>(2, PhotoFromU8(photo)), 1, CancelToken());
   ASSERT_TRUE(priors.ok()) << priors.status();
   EXPECT_EQ(*std::max_element(priors->maps[0].data.begin(), priors->maps[0].data.end()), 255);
   EXPECT_EQ(priors->maps[0].data[100 * 500 + 300], 0);
 }
 
 // What is not black is so little that all of it counts as noise.
-TEST(CapturePriors, OfStarsInBlackHaveAFloorThatTheOptionsAllow) {
+TEST(CapturePriors, OfStarsInBlackHaveAFloorOfOneAtMost) {
   ImageU8 photo(640, 480);
   const CounterRng rng(3, 1);
   for (int i = 0; i < 600; ++i) {
     std::fill_n(&photo.data[3 * rng.Below(i, photo.pixels())], 3, uint8_t{200});
   }
   const auto priors =
-      ComputeCapturePriors(std::vector<Photo>(2, PhotoFromU8(photo)), {}, 1, CancelToken());
+      ComputeCapturePriors(std::vector<Photo>(2, PhotoFromU8(photo)), 1, CancelToken());
   ASSERT_TRUE(priors.ok()) << priors.status();
   EXPECT_LE(priors->floor, 1);
   EXPECT_GT(priors->scale, 0);
@@ -196,12 +166,11 @@ TEST(CapturePriors, OfStarsInBlackHaveAFloorThatTheOptionsAllow) {
 TEST(CapturePriors, StopOnRequestAndRefuseACaptureWithoutStructure) {
   CancelToken cancel;
   const std::vector<Photo> black(2, Photo(40, 30));
-  const auto none = ComputeCapturePriors(black, {}, 1, cancel);
+  const auto none = ComputeCapturePriors(black, 1, cancel);
   EXPECT_EQ(GetErrorDetail(none.status())->reason, "NO_STRUCTURE");
   cancel.Cancel();
   const std::vector<Photo> photos = {MakePhoto(40, 30, 0.5, 0, 1)};
-  EXPECT_EQ(ComputeCapturePriors(photos, {}, 1, cancel).status().code(),
-            absl::StatusCode::kCancelled);
+  EXPECT_EQ(ComputeCapturePriors(photos, 1, cancel).status().code(), absl::StatusCode::kCancelled);
 }
 
 }  // namespace

@@ -1,10 +1,10 @@
 #include "engine/target/information.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <map>
-#include <numeric>
 #include <utility>
 
 #include "engine/core/check.h"
@@ -61,6 +61,16 @@ CodeSamples Around(const Samples& samples, int code) {
   return sum;
 }
 
+// Of the targets where their photos have each code; codes of 255.
+struct CodeStatistics {
+  std::array<double, kCodes> mean;
+  // Standard deviation of the target's error, the larger of two: the noise measured in the targets
+  // (engine/noise); and that of rounding the photo to its file's codes, the target's step from one
+  // to the next / sqrt(12). Clipped highlights have kClippedNoise or more.
+  std::array<double, kCodes> noise;
+};
+
+// Codes that hardly occur take over their neighbours'.
 CodeStatistics Summarize(const Samples& samples, double code_step) {
   CodeStatistics out;
   for (int code = 0; code < kCodes; ++code) {
@@ -167,16 +177,6 @@ std::map<int, WeightTable> TablesByExposure(absl::Span<const Photo* const> photo
 }
 
 }  // namespace
-
-CodeStatistics MeasureTargets(absl::Span<const Photo* const> photos,
-                              absl::Span<const Photo* const> targets,
-                              absl::Span<const PlaneU8> masks) {
-  LITAGS_CHECK(photos.size() == targets.size());
-  std::vector<size_t> all(photos.size());
-  std::iota(all.begin(), all.end(), 0);
-  return Summarize(SamplesOf(photos, targets, masks, {}, all, /*threads=*/1, CancelToken()),
-                   /*code_step=*/1);
-}
 
 std::vector<PlaneU8> InformationWeights(absl::Span<const Photo* const> photos,
                                         absl::Span<const Photo* const> targets,

@@ -2,7 +2,6 @@
 #ifndef LITAGS_ENGINE_TARGET_INFORMATION_H_
 #define LITAGS_ENGINE_TARGET_INFORMATION_H_
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -20,21 +19,6 @@ inline constexpr double kToleratedNoise = 12;  // halves a weight. Choice
 
 // What InformationWeights() stores for a weight of 1, the mean of a capture.
 inline constexpr int kInformationOne = 64;
-
-// Of the targets where their photos have each code; codes of 255.
-struct CodeStatistics {
-  std::array<double, 256> mean;
-  // Standard deviation of the target's error, the larger of two: the noise measured in the targets
-  // (engine/noise); and that of rounding the photo to its file's codes, the target's step from one
-  // to the next / sqrt(12). Clipped highlights have kClippedNoise or more.
-  std::array<double, 256> noise;
-};
-
-// Codes that hardly occur take over their neighbours'. `masks`: see MaskOf; pixels that do not
-// count say nothing. Sizes must agree (LITAGS_CHECK).
-CodeStatistics MeasureTargets(absl::Span<const Photo* const> photos,
-                              absl::Span<const Photo* const> targets,
-                              absl::Span<const PlaneU8> masks = {});
 
 // Weight of every pixel in the losses that compare with photos and targets, where photos of
 // different exposure know different parts of the scene: the dark one a lamp, the bright one the

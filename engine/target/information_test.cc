@@ -29,32 +29,6 @@ Photo TwoHalves(double left, double right, double left_noise = 0, double right_n
   return PhotoFromU8(image);
 }
 
-TEST(MeasureTargets, NoiseIsTheDeviationOfFlatAreas) {
-  const Photo photo = TwoHalves(20, 90), target = TwoHalves(60, 180, 12, 4);
-  const auto noise = MeasureTargets({&photo}, {&target}).noise;
-  EXPECT_NEAR(noise[20], 12, 1.2);
-  EXPECT_NEAR(noise[90], 4, 0.4);
-}
-
-TEST(MeasureTargets, KnowsWhatRoundingTookAway) {
-  // Codes 3, 4 and 5 in broad stripes; a step of one is a step of ten in the target.
-  Photo photo(kSize, kSize), target(kSize, kSize);
-  for (size_t i = 0; i < photo.data.size(); ++i) {
-    photo.data[i] = PhotoSample((3 + (i / 3) % kSize / 40) / 255.0f);  // 193, 257, 321
-    target.data[i] = static_cast<int16_t>(10 * photo.data[i]);
-  }
-  EXPECT_NEAR(MeasureTargets({&photo}, {&target}).noise[4], 640 / kPhotoCode / std::sqrt(12.0),
-              1e-5);
-}
-
-TEST(MeasureTargets, ClippedHighlightsAreGuesses) {
-  const Photo photo = TwoHalves(100, 255), target = TwoHalves(50, 200);
-  const auto noise = MeasureTargets({&photo}, {&target}).noise;
-  EXPECT_LT(noise[100], 1);
-  EXPECT_EQ(noise[kClippedCode], kClippedNoise);
-  EXPECT_EQ(noise[255], kClippedNoise);
-}
-
 // A bright photo that clips the right half, which a dark one of the same place, an eighth of the
 // light, sees; the dark one is noisy on the left.
 struct TwoExposures {
@@ -85,6 +59,25 @@ TEST(InformationWeights, PhotosThatKnowAPlaceBetterCountForMore) {
     sum += std::accumulate(plane.data.begin(), plane.data.end(), 0.0);
   }
   EXPECT_NEAR(sum / (2 * kSize * kSize) / kInformationOne, 1, 0.02);
+}
+
+TEST(InformationWeights, RoundingTakesInformationAway) {
+  // Codes 3, 4 and 5 in broad stripes, a step of which is one of 40 in the target. The bright photo
+  // has codes between its stripes'.
+  Photo dark(kSize, kSize), bright(kSize, kSize), target(kSize, kSize);
+  for (size_t i = 0; i < dark.data.size(); ++i) {
+    const int stripe = static_cast<int>((i / 3) % kSize / 40);
+    dark.data[i] = PhotoSample((3 + stripe) / 255.0f);
+    bright.data[i] = PhotoSample((30 + 10 * stripe) / 255.0f);
+    target.data[i] = PhotoSample((40 * (3 + stripe) + 0.25f) / 255);
+  }
+  const auto ratio = [&](double code_step) {
+    const auto planes =
+        InformationWeights({&bright, &dark}, {&target, &target}, {10, 1}, {}, {}, code_step);
+    return double(planes[1].data[kSize / 2]) / planes[0].data[kSize / 2];
+  };
+  EXPECT_NEAR(ratio(1), 1 / (1 + 40 * 40 / 12.0 / (12 * 12)), 0.02);
+  EXPECT_EQ(ratio(1 / 257.0), 1);
 }
 
 TEST(InformationWeights, PhotosOfLikeExposureAreAllAlike) {

@@ -25,25 +25,14 @@ struct PriorVariant {
   const char* array;
   const char* input = "rgb_u8";
   double exposure = 1;
-  double epsilon = 0;
   double floor = 0;  // negative: the case's own
-  PriorBorder border = PriorBorder::kReflect101;
-  PriorDerivative derivative = PriorDerivative::kSeparable2d;
-  bool l1 = false;
 };
 
-constexpr double kEpsilon = 1e-5, kCaseFloor = -1;
+constexpr double kCaseFloor = -1;
 
 const PriorVariant kPriorVariants[] = {
     {.array = "P_eps0"},
-    {.array = "P_eps1em5", .epsilon = kEpsilon},
     {.array = "P_floor", .floor = kCaseFloor},
-    {.array = "P_1d", .derivative = PriorDerivative::kOneAxis},
-    {.array = "P_l1_eps1em5", .epsilon = kEpsilon, .l1 = true},
-    {.array = "P_l1_eps1em5_zero", .epsilon = kEpsilon, .border = PriorBorder::kZero, .l1 = true},
-    {.array = "P_eps0_replicate", .border = PriorBorder::kReplicate},
-    {.array = "P_eps1em5_exp0p3", .exposure = 0.3, .epsilon = kEpsilon},
-    {.array = "P_eps1em5_exp0p1", .exposure = 0.1, .epsilon = kEpsilon},
     {.array = "P_floor_exp0p1", .exposure = 0.1, .floor = kCaseFloor},
     {.array = "P_floor1_exp0p1_q8", .input = "rgb_u8_exp0p1_q8", .floor = 1.0 / 255.0},
 };
@@ -142,20 +131,11 @@ void RunDepthLosses(const ReferenceCase& reference, CaseReport* report) {
 void RunPriorCase(const ReferenceCase& reference, CaseReport* report) {
   for (const PriorVariant& variant : kPriorVariants) {
     if (!reference.Has(variant.array)) continue;
-    StructurePriorOptions options;
-    options.sigma_px = reference.Param("sigma");
-    options.scale_sigma_to_size = false;
-    options.beta = reference.Param("beta");
-    options.gamma = reference.Param("gamma");
-    options.epsilon = variant.epsilon;
-    options.floor = variant.floor == kCaseFloor ? reference.Param("floor") : variant.floor;
-    options.border = variant.border;
-    options.derivative = variant.derivative;
-    options.l1_normalize = variant.l1;
     Planes rgb = ToPlanes(reference.ReadImage(variant.input));
     for (float& v : rgb.data) v = static_cast<float>(v * variant.exposure);
 
-    const Planes prior = OrThrow(StructurePrior(rgb, options));
+    const double floor = variant.floor == kCaseFloor ? reference.Param("floor") : variant.floor;
+    const Planes prior = OrThrow(StructurePrior(rgb, reference.Param("sigma"), floor));
     const auto expected = reference.Doubles(variant.array);
     report->Add(variant.array, MaxAbsError(prior.data, expected),
                 reference.Tolerance("P_rel_to_max") * MaxAbs(expected));
