@@ -73,6 +73,17 @@ absl::StatusOr<std::vector<FileRecord>> ClientJobStore::Files(std::string_view i
   return store_->Files(id);
 }
 
+absl::StatusOr<std::optional<FileRecord>> ClientJobStore::File(std::string_view id, FileRole role,
+                                                               std::string_view name) {
+  LITAGS_RETURN_IF_ERROR(Get(id).status());
+  return store_->File(id, role, name);
+}
+
+absl::StatusOr<FileTally> ClientJobStore::Tally(std::string_view id, std::string_view sha256) {
+  LITAGS_RETURN_IF_ERROR(Get(id).status());
+  return store_->Tally(id, sha256);
+}
+
 absl::StatusOr<std::optional<JobFile>> ClientJobStore::FindFile(std::string_view id, FileRole role,
                                                                 std::string_view sha256) {
   LITAGS_RETURN_IF_ERROR(Get(id).status());

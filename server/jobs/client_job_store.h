@@ -39,6 +39,9 @@ class ClientJobStore : public JobStore {
                                               ListOrder order) override;
   absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override;
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override;
+  absl::StatusOr<std::optional<FileRecord>> File(std::string_view id, FileRole role,
+                                                 std::string_view name) override;
+  absl::StatusOr<FileTally> Tally(std::string_view id, std::string_view sha256) override;
   absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
                                                   std::string_view sha256) override;
   absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) override;

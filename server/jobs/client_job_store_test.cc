@@ -44,6 +44,7 @@ TEST_F(ClientJobStoreTest, EveryCallTreatsJobsOfOthersAsNotThere) {
   const absl::Status missing = bob_.Get("none").status();
   for (const absl::Status& status :
        {bob_.Get("a1").status(), bob_.Update("a1", Nothing).status(), bob_.Files("a1").status(),
+        bob_.File("a1", FileRole::kPhoto, "a.jpg").status(), bob_.Tally("a1", "00").status(),
         bob_.Events("a1", 0, 1).status(), bob_.Log("a1", 0, 1).status()}) {
     EXPECT_EQ(Reason(status), "JOB_NOT_FOUND");
     EXPECT_EQ(status.code(), missing.code());

@@ -194,7 +194,8 @@ TEST_F(SweepTest, UploadedBlobsAreRemovedOutsideOfTransactionsAndNoFileLosesItsB
     const auto other = *OpenSqliteJobStore(dir_.path() + "/jobs.db");
     Jobs there(other.get(), blobs_.get(), data_, clock_);
     EXPECT_TRUE(there.Create({}).ok());
-    EXPECT_EQ(Reason(Add(id, "d.jpg", "a.jpg")), "STORE_BUSY");
+    EXPECT_EQ(Reason(Add(id, "d.jpg", "a.jpg")), "JOB_BUSY");
+    EXPECT_EQ(store_->ReachableSinceMs(), 0) << "the store refused nothing";
     EXPECT_EQ(there.Get(id)->state, JobState::kFailed);
     EXPECT_TRUE(there.Sweep().ok()) << "leaves the job alone";
     EXPECT_TRUE(HasBlob(id, "a.jpg"));

@@ -30,21 +30,25 @@ bool IsIn(const std::vector<FileRecord>& files, const FileRecord& file) {
   });
 }
 
-// Whether a row for `file` takes the place of one with other bytes.
-bool Replaces(const FileRecord& file, const FileRecord& old) {
-  return SameName(file, old) && file.sha256 != old.sha256;
+// Notes that the job, which has `old` still, will have it no more under its name.
+absl::Status NoteReplaced(JobTransaction& job, const FileRecord& old) {
+  LITAGS_ASSIGN_OR_RETURN(const FileTally tally, job.Tally(old.sha256));
+  if (tally.same_bytes <= 1) job.job.unreferenced_bytes += old.size_bytes;
+  return absl::OkStatus();
 }
 
-// A name, or another one, for these bytes.
-bool HasBytes(const std::vector<FileRecord>& files, const std::string& sha256) {
-  return std::any_of(files.begin(), files.end(),
-                     [&](const FileRecord& f) { return f.sha256 == sha256; });
-}
-
-// Notes that `files`, which are the job's from now on, hold `old` no more under its name.
-void NoteReplaced(JobRecord* job, const std::vector<FileRecord>& files, const FileRecord& old) {
-  if (!HasBytes(files, old.sha256)) job->unreferenced_bytes += old.size_bytes;
-}
+// The files of a job outside of transactions.
+struct StoredRows {
+  JobStore* store;
+  std::string_view id;
+  absl::StatusOr<std::vector<FileRecord>> Files() const { return store->Files(id); }
+  absl::StatusOr<std::optional<FileRecord>> File(FileRole role, std::string_view name) const {
+    return store->File(id, role, name);
+  }
+  absl::StatusOr<FileTally> Tally(std::string_view sha256) const {
+    return store->Tally(id, sha256);
+  }
+};
 
 bool GivesCameras(const FileRecord& file) {
   return file.role == FileRole::kCameras || file.role == FileRole::kColmap;
@@ -56,6 +60,17 @@ std::string PartialKey(const FileRecord& file) {
 }
 
 }  // namespace
+
+template <typename Rows>
+absl::StatusOr<Uploads::Present> Uploads::LookUp(Rows rows, const FileRecord& file) {
+  Present present;
+  LITAGS_ASSIGN_OR_RETURN(present.named, rows.File(file.role, file.name));
+  LITAGS_ASSIGN_OR_RETURN(present.tally, rows.Tally(file.sha256));
+  if (GivesCameras(file)) {
+    LITAGS_ASSIGN_OR_RETURN(present.cameras, rows.Files());
+  }
+  return present;
+}
 
 double Uploads::check_seconds() const { return kTouchFraction * limits().keep_seconds; }
 
@@ -85,7 +100,7 @@ absl::Status Uploads::ReopenIn(JobTransaction& job, std::string* kept) const {
                      "a new job for others");
   }
   if (IsBeingSwept(job.job, clock_())) {
-    return MakeError(absl::StatusCode::kUnavailable, "STORE_BUSY", "name",
+    return MakeError(absl::StatusCode::kUnavailable, "JOB_BUSY", "name",
                      "what the job's earlier uploads left is being removed; nothing was changed, "
                      "try again in a moment");
   }
@@ -117,14 +132,21 @@ void Uploads::RemoveKept(std::string_view id, const std::string& kept) {
 }
 
 absl::StatusOr<bool> Uploads::IsStored(std::string_view id, const FileRecord& file) {
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
-  return IsIn(files, file);
+  LITAGS_ASSIGN_OR_RETURN(const auto stored, store_->File(id, file.role, file.name));
+  return stored && stored->sha256 == file.sha256;
 }
 
 absl::StatusOr<std::vector<FileStatus>> Uploads::Query(std::string_view id,
                                                        const std::vector<FileRecord>& files) {
   LITAGS_RETURN_IF_ERROR(Check(id));
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> stored, store_->Files(id));
+  // One row for one file, as the page asks; for more, all at once.
+  std::vector<FileRecord> stored;
+  if (files.size() == 1) {
+    LITAGS_ASSIGN_OR_RETURN(auto row, store_->File(id, files[0].role, files[0].name));
+    if (row) stored.push_back(*std::move(row));
+  } else {
+    LITAGS_ASSIGN_OR_RETURN(stored, store_->Files(id));
+  }
   std::vector<FileStatus> result;
   BlobsOf blobs_of;
   for (const FileRecord& file : files) {
@@ -148,16 +170,14 @@ absl::StatusOr<std::vector<FileStatus>> Uploads::Query(std::string_view id,
   return result;
 }
 
-absl::Status Uploads::CheckRoom(const JobRecord& job, const std::vector<FileRecord>& files,
+absl::Status Uploads::CheckRoom(const JobRecord& job, const Present& present,
                                 const FileRecord& file, const PartialFiles::Usage& coming) const {
-  int64_t count = 1 + coming.files;
-  int64_t bytes = file.size_bytes + coming.bytes + job.unreferenced_bytes;
-  for (const FileRecord& f : files) {
-    if (!SameName(f, file) || Replaces(file, f)) bytes += f.size_bytes;
-    if (SameName(f, file)) continue;
-    ++count;
-    if (GivesCameras(f) && GivesCameras(file) &&
-        (f.role != file.role || file.role == FileRole::kCameras)) {
+  const int64_t count = 1 + coming.files + present.tally.files - (present.named ? 1 : 0);
+  int64_t bytes = file.size_bytes + coming.bytes + job.unreferenced_bytes + job.bytes;
+  if (present.Has(file)) bytes -= present.named->size_bytes;
+  for (const FileRecord& f : present.cameras) {
+    if (SameName(f, file) || !GivesCameras(f)) continue;
+    if (f.role != file.role || file.role == FileRole::kCameras) {
       return InvalidInput("CAMERAS_TWICE", absl::StrCat("cameras[", file.name, "]"),
                           absl::StrCat("the job has the cameras of ", f.name,
                                        " already; a job takes one "
@@ -193,14 +213,14 @@ absl::Status Uploads::CheckQuota(const JobRecord& job, const FileRecord& file) c
 absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
                                                            const FileRecord& file, int64_t offset) {
   LITAGS_RETURN_IF_ERROR(Check(id));
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
+  LITAGS_ASSIGN_OR_RETURN(const Present present, LookUp(StoredRows{store_, id}, file));
   const std::string key = PartialKey(file);
   const auto announced = [&]() -> absl::StatusOr<std::shared_ptr<PartialSlot>> {
     LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
     auto& mutexes = area_->announce_mutexes;
     const std::lock_guard lock(mutexes[std::hash<std::string>()(job.owner) % mutexes.size()]);
     // What is there of the file itself counts with it.
-    LITAGS_RETURN_IF_ERROR(CheckRoom(job, files, file, partials().UsageOf(id, key)));
+    LITAGS_RETURN_IF_ERROR(CheckRoom(job, present, file, partials().UsageOf(id, key)));
     LITAGS_RETURN_IF_ERROR(CheckQuota(job, file));
     return partials().Announce(id, key, file.size_bytes);
   }();
@@ -225,15 +245,12 @@ absl::Status Uploads::PutRow(std::string_view id, const FileRecord& file, int64_
       return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_UPLOADING", "name",
                        "the job was started, and has failed, while the file came; send it again");
     }
-    LITAGS_ASSIGN_OR_RETURN(std::vector<FileRecord> files, job.Files());
+    LITAGS_ASSIGN_OR_RETURN(const Present present, LookUp<JobTransaction&>(job, file));
     int64_t& unreferenced = job.job.unreferenced_bytes;
-    if (!HasBytes(files, file.sha256)) unreferenced -= std::min(unreferenced, returning);
-    LITAGS_RETURN_IF_ERROR(CheckRoom(job.job, files, file, {}));
-    const auto old = std::find_if(files.begin(), files.end(),
-                                  [&](const FileRecord& f) { return Replaces(file, f); });
-    if (old != files.end()) {
-      const FileRecord replaced = std::exchange(*old, file);
-      NoteReplaced(&job.job, files, replaced);
+    if (present.tally.same_bytes == 0) unreferenced -= std::min(unreferenced, returning);
+    LITAGS_RETURN_IF_ERROR(CheckRoom(job.job, present, file, {}));
+    if (present.named && !present.Has(file)) {
+      LITAGS_RETURN_IF_ERROR(NoteReplaced(job, *present.named));
     }
     job.job.expire_time_ms = Expiry();
     return job.PutFile(file);
@@ -279,16 +296,16 @@ absl::StatusOr<bool> Uploads::HasBlob(const std::string& id, const std::string& 
 absl::StatusOr<int64_t> Uploads::CheckAdd(std::string_view id, const FileRecord& file) {
   LITAGS_RETURN_IF_ERROR(Check(id));
   LITAGS_ASSIGN_OR_RETURN(JobRecord job, store_->Get(id));
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
-  if (IsIn(files, file)) return 0;
+  LITAGS_ASSIGN_OR_RETURN(const Present present, LookUp(StoredRows{store_, id}, file));
+  if (present.Has(file)) return 0;
   int64_t returning = 0;
-  if (job.unreferenced_bytes > 0 && !HasBytes(files, file.sha256)) {
+  if (job.unreferenced_bytes > 0 && present.tally.same_bytes == 0) {
     BlobsOf blobs_of;
     LITAGS_ASSIGN_OR_RETURN(const bool there, HasBlob(job.id, file.sha256, &blobs_of));
     if (there) returning = std::min(file.size_bytes, job.unreferenced_bytes);
   }
   job.unreferenced_bytes -= returning;
-  LITAGS_RETURN_IF_ERROR(CheckRoom(job, files, file, {}));
+  LITAGS_RETURN_IF_ERROR(CheckRoom(job, present, file, {}));
   LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, store_->UsageOf(job.owner));
   LITAGS_RETURN_IF_ERROR(
       CheckByteQuota(usage.bytes - returning + file.size_bytes, max_owner_bytes_));
@@ -340,16 +357,11 @@ absl::StatusOr<bool> Uploads::Remove(std::string_view id, FileRole role, std::st
   std::string kept;
   const auto change = [&](JobTransaction& job) -> absl::Status {
     LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kUpload).status());
-    LITAGS_ASSIGN_OR_RETURN(std::vector<FileRecord> files, job.Files());
-    const auto file = std::find_if(files.begin(), files.end(), [&](const FileRecord& f) {
-      return f.role == role && f.name == name;
-    });
-    removed = file != files.end();
+    LITAGS_ASSIGN_OR_RETURN(const auto file, job.File(role, name));
+    removed = file.has_value();
     if (!removed) return absl::OkStatus();  // a FAILED job keeps its checkpoints
     LITAGS_RETURN_IF_ERROR(ReopenIn(job, &kept));
-    const FileRecord old = *file;
-    files.erase(file);
-    NoteReplaced(&job.job, files, old);
+    LITAGS_RETURN_IF_ERROR(NoteReplaced(job, *file));
     job.job.has_unreferenced_blobs = true;
     job.job.expire_time_ms = Expiry();
     return job.RemoveFile(role, name);

@@ -54,8 +54,9 @@ struct UploadArea {
   std::array<std::mutex, 16> announce_mutexes;
 };
 
-// Thread-safe. Errors: those of JobStore, BlobStore, PartialFiles and NextState(), and what each
-// call says. In a FileRecord, role, name, size and digest must be set; names must be checked.
+// Thread-safe. Errors: those of JobStore, BlobStore, PartialFiles and NextState(), UNAVAILABLE
+// (JOB_BUSY) while what the job's earlier uploads left is removed, and what each call says. In a
+// FileRecord, role, name, size and digest must be set; names must be checked.
 class Uploads {
  public:
   // The stores must outlive this. `max_owner_bytes`: of all files of one owner's jobs, those on
@@ -108,8 +109,17 @@ class Uploads {
   int64_t Expiry() const { return clock_() + static_cast<int64_t>(1000 * limits().keep_seconds); }
 
  private:
-  absl::Status CheckRoom(const JobRecord& job, const std::vector<FileRecord>& files,
-                         const FileRecord& file, const PartialFiles::Usage& coming) const;
+  // What a job has that matters to a file that comes: never all rows, of which there may be many.
+  struct Present {
+    std::optional<FileRecord> named;  // of the same role and name
+    FileTally tally;                  // of the same bytes
+    std::vector<FileRecord> cameras;  // of a job that gets some: all its files
+    bool Has(const FileRecord& file) const { return named && named->sha256 == file.sha256; }
+  };
+  template <typename Rows>
+  static absl::StatusOr<Present> LookUp(Rows rows, const FileRecord& file);
+  absl::Status CheckRoom(const JobRecord& job, const Present& present, const FileRecord& file,
+                         const PartialFiles::Usage& coming) const;
   absl::Status CheckQuota(const JobRecord& job, const FileRecord& file) const;
   absl::StatusOr<std::optional<JobFile>> FindBytes(std::string_view id, const FileRecord& file);
   // Whether the bytes are there, too. `blobs_of`: names of the blobs of each job that was asked

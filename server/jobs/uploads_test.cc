@@ -5,11 +5,13 @@
 
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <thread>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
+#include "server/jobs/client_job_store.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
 #include "server/store/digest.h"
@@ -131,6 +133,79 @@ TEST_F(UploadsTest, StreamsAtTheSameTimeGetNoMoreThanTheOwnersBytes) {
   // A stream that ends before it sent a byte makes room.
   opened.clear();
   EXPECT_TRUE(alice->uploads().Open(id, Photo("big.jpg", std::string(1000, 'z')), 0).ok());
+}
+
+// The rows of files that are read.
+class CountingJobStore : public ClientJobStore {
+ public:
+  explicit CountingJobStore(JobStore* store)
+      : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+  int64_t rows = 0;
+  absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override {
+    auto files = ClientJobStore::Files(id);
+    if (files.ok()) rows += static_cast<int64_t>(files->size());
+    return files;
+  }
+  absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override {
+    return ClientJobStore::Update(id, [&](JobTransaction& job) {
+      Transaction counting(&job, &rows);
+      const absl::Status status = change(counting);
+      job.job = counting.job;
+      return status;
+    });
+  }
+
+ private:
+  // Of jobs that take files: without events.
+  class Transaction : public JobTransaction {
+   public:
+    Transaction(JobTransaction* inner, int64_t* rows) : inner_(inner), rows_(rows) {
+      job = inner->job;
+    }
+    absl::StatusOr<std::vector<FileRecord>> Files() override {
+      auto files = inner_->Files();
+      if (files.ok()) *rows_ += static_cast<int64_t>(files->size());
+      return files;
+    }
+    absl::StatusOr<std::optional<FileRecord>> File(FileRole role, std::string_view name) override {
+      return inner_->File(role, name);
+    }
+    absl::StatusOr<FileTally> Tally(std::string_view sha256) override {
+      return inner_->Tally(sha256);
+    }
+    absl::StatusOr<OwnerUsage> Usage() override { return inner_->Usage(); }
+    absl::Status PutFile(const FileRecord& file) override { return inner_->PutFile(file); }
+    absl::Status RemoveFile(FileRole role, std::string_view name) override {
+      return inner_->RemoveFile(role, name);
+    }
+    absl::Status AddEvent(const EventRecord&) override { return absl::UnimplementedError(""); }
+    absl::Status AddLog(const LogEntry&) override { return absl::UnimplementedError(""); }
+    absl::Status Remove() override { return absl::UnimplementedError(""); }
+
+   private:
+    JobTransaction* const inner_;
+    int64_t* const rows_;
+  };
+};
+
+TEST_F(UploadsTest, AFileComesInWithoutALookAtTheRowsOfTheOthers) {
+  CountingJobStore store(store_.get());
+  Jobs jobs(&store, blobs_.get(), data_, clock_);
+  const std::string id = NewJob();
+  for (int i = 0; i < 10; ++i) {
+    const std::string bytes = absl::StrCat("photo ", i / 2);  // two of each
+    const FileRecord file = Photo(absl::StrCat(i, ".jpg"), bytes);
+    EXPECT_FALSE((*jobs.uploads().Query(id, {file}))[0].stored);
+    EXPECT_FALSE(*jobs.uploads().IsStored(id, file));
+    auto partial = *jobs.uploads().Open(id, file, 0);
+    ASSERT_TRUE(partial->Append(bytes).ok());
+    ASSERT_TRUE(jobs.uploads().Add(id, file, partial->path()).ok());
+  }
+  ASSERT_TRUE(*jobs.uploads().Remove(id, FileRole::kPhoto, "0.jpg"));
+  EXPECT_EQ(store_->Get(id)->unreferenced_bytes, 0);
+  ASSERT_TRUE(*jobs.uploads().Remove(id, FileRole::kPhoto, "1.jpg"));
+  EXPECT_EQ(store_->Get(id)->unreferenced_bytes, 7);
+  EXPECT_EQ(store.rows, 0);
 }
 
 TEST_F(UploadsTest, BytesOfABrokenStreamAreContinuedAlsoAfterARestart) {

@@ -107,6 +107,12 @@ struct FileRecord {
   std::string about = {};  // what was found in it, for those who wrote it; opaque to the store
 };
 
+// How many files a job has.
+struct FileTally {
+  int64_t files = 0;       // all of them
+  int64_t same_bytes = 0;  // those of the digest that was asked for
+};
+
 // A file and the job it belongs to.
 struct JobFile {
   std::string job_id;
@@ -183,6 +189,9 @@ class JobTransaction {
   JobRecord job;
 
   virtual absl::StatusOr<std::vector<FileRecord>> Files() = 0;
+  // As the calls of JobStore: without reading all rows.
+  virtual absl::StatusOr<std::optional<FileRecord>> File(FileRole role, std::string_view name) = 0;
+  virtual absl::StatusOr<FileTally> Tally(std::string_view sha256) = 0;
   // Of the job's owner, with what this transaction changed so far.
   virtual absl::StatusOr<OwnerUsage> Usage() = 0;
   // Adds the file or replaces that of the same role and name.
@@ -220,7 +229,8 @@ class JobStore {
   virtual ~JobStore() = default;
 
   // Inserts the job and applies `change` to it in the same transaction. If a job of the same
-  // owner with the same non-empty request_id exists, returns that one instead, unchanged.
+  // owner with the same non-empty request_id exists, returns that one instead, unchanged;
+  // UNAVAILABLE (JOB_BUSY) if that one was deleted meanwhile.
   virtual absl::StatusOr<JobRecord> Create(const JobRecord& job, Change change) = 0;
 
   virtual absl::StatusOr<JobRecord> Get(std::string_view id) = 0;
@@ -276,6 +286,11 @@ class JobStore {
   // By role, then name.
   virtual absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) = 0;
 
+  // The file of this role and name; nullopt if there is none.
+  virtual absl::StatusOr<std::optional<FileRecord>> File(std::string_view id, FileRole role,
+                                                         std::string_view name) = 0;
+  virtual absl::StatusOr<FileTally> Tally(std::string_view id, std::string_view sha256) = 0;
+
   // A file with these bytes and this role in any job of the owner of job `id`, `id` itself
   // included; nullopt if there is none.
   virtual absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
@@ -312,9 +327,6 @@ class JobStore {
   virtual int64_t ReachableSinceMs() = 0;
 };
 
-// Fits of a worker that takes any job.
-inline bool FitsAny(std::string_view) { return true; }
-
 // NowMs() of a store that outlives the clock.
 Clock StoreClock(JobStore* store);
 
@@ -322,11 +334,12 @@ Clock StoreClock(JobStore* store);
 absl::Status JobNotFound(std::string_view id);
 
 // Reads all of an SQLite job store, a second or so per 500 MB, and says whether it is whole; one
-// that is not there is. DATA_LOSS (STORE_CORRUPT).
+// that is not there is. DATA_LOSS (STORE_CORRUPT); FAILED_PRECONDITION (STORE_TOO_NEW,
+// STORE_TOO_OLD) if another version of the program wrote it.
 absl::Status CheckSqliteJobStore(const std::string& path);
 
-// An SQLite file, made if it is not there. FAILED_PRECONDITION (STORE_TOO_NEW) if a later version
-// of the program wrote it.
+// An SQLite file, made if it is not there. FAILED_PRECONDITION (STORE_TOO_NEW, STORE_TOO_OLD) if
+// another version of the program wrote it.
 absl::StatusOr<std::unique_ptr<JobStore>> OpenSqliteJobStore(const std::string& path);
 
 // A database of a PostgreSQL server of version 13 or later: a libpq URL or connection string.

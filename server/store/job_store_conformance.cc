@@ -127,7 +127,9 @@ TEST_F(JobStoreConformance, UnknownJobIsNotFoundInEveryCall) {
   for (const absl::Status& status :
        {store_->Get("none").status(), store_->Update("none", Nothing).status(),
         store_->Files("none").status(), store_->Events("none", 0, 10).status(),
-        store_->Log("none", 0, 10).status()}) {
+        store_->Log("none", 0, 10).status(),
+        store_->File("none", FileRole::kPhoto, "a.jpg").status(),
+        store_->Tally("none", "00").status()}) {
     EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
     EXPECT_EQ(Reason(status), "JOB_NOT_FOUND");
   }
@@ -161,6 +163,19 @@ TEST_F(JobStoreConformance, FilesAreReplacedByNameAndCounted) {
   EXPECT_EQ(job->photos, 2);
   EXPECT_EQ(job->bytes, 150);
   EXPECT_EQ(store_->Get("a1")->bytes, 150);
+  EXPECT_EQ((*store_->File("a1", FileRole::kDepth, "a.jpg"))->size_bytes, 100);
+  EXPECT_EQ((*store_->File("a1", FileRole::kPhoto, "b.jpg"))->about, "is dark");
+  EXPECT_FALSE(store_->File("a1", FileRole::kMask, "a.jpg")->has_value());
+  ASSERT_TRUE(store_->Create(MakeJob("a2", 1), Nothing).ok());
+  for (const char* name : {"c.jpg", "d.jpg"}) {
+    const FileRecord same{name, FileRole::kPhoto, 20, "11", 4, 3};
+    const auto change = [&](JobTransaction& other) { return other.PutFile(same); };
+    ASSERT_TRUE(store_->Update("a2", change).ok());
+  }
+  EXPECT_EQ(store_->Tally("a1", "11")->files, 3);
+  EXPECT_EQ(store_->Tally("a1", "11")->same_bytes, 1);
+  EXPECT_EQ(store_->Tally("a1", "00")->same_bytes, 0);
+  EXPECT_EQ(store_->Tally("a2", "11")->same_bytes, 2);
   const auto files = store_->Files("a1");
   ASSERT_EQ(files->size(), 3u);
   EXPECT_EQ((*files)[0].name, "a.jpg");

@@ -16,7 +16,7 @@ absl::StatusOr<JobRecord> SqlJobStore::Create(const JobRecord& job, Change chang
     }
     LITAGS_ASSIGN_OR_RETURN(auto first, SelectByRequest(sql, job.owner, job.request_id));
     if (!first) {
-      return MakeError(absl::StatusCode::kUnavailable, "STORE_BUSY", "request_id",
+      return MakeError(absl::StatusCode::kUnavailable, "JOB_BUSY", "request_id",
                        "the other job of this request_id was deleted just now; try again");
     }
     result = *std::move(first);
@@ -26,24 +26,16 @@ absl::StatusOr<JobRecord> SqlJobStore::Create(const JobRecord& job, Change chang
 }
 
 absl::StatusOr<JobRecord> SqlJobStore::Get(std::string_view id) {
-  JobRecord job;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(job, SelectJob(sql, id));
-    return absl::OkStatus();
-  }));
-  return job;
+  return Answer([&](SqlSession& sql) { return SelectJob(sql, id); });
 }
 
 absl::StatusOr<std::vector<JobRecord>> SqlJobStore::List(int64_t after_time_ms,
                                                          std::string_view after_id, int limit,
                                                          const std::optional<std::string>& owner,
                                                          ListOrder order) {
-  std::vector<JobRecord> jobs;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(jobs, SelectPage(sql, after_time_ms, after_id, limit, owner, order));
-    return absl::OkStatus();
-  }));
-  return jobs;
+  return Answer([&](SqlSession& sql) {
+    return SelectPage(sql, after_time_ms, after_id, limit, owner, order);
+  });
 }
 
 absl::StatusOr<JobRecord> SqlJobStore::Update(std::string_view id, Change change) {
@@ -101,75 +93,35 @@ absl::StatusOr<std::optional<JobRecord>> SqlJobStore::UpdateFirstLeasedBeyond(in
 }
 
 absl::StatusOr<std::vector<std::string>> SqlJobStore::LeasedTo(std::string_view owner) {
-  std::vector<std::string> ids;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(ids, SelectLeasedTo(sql, owner));
-    return absl::OkStatus();
-  }));
-  return ids;
+  return Answer([&](SqlSession& sql) { return SelectLeasedTo(sql, owner); });
 }
 
 absl::StatusOr<std::vector<std::string>> SqlJobStore::Expired(int64_t now_ms, int limit) {
-  std::vector<std::string> ids;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(ids, SelectExpired(sql, now_ms, limit));
-    return absl::OkStatus();
-  }));
-  return ids;
+  return Answer([&](SqlSession& sql) { return SelectExpired(sql, now_ms, limit); });
 }
 
 absl::StatusOr<std::vector<std::string>> SqlJobStore::WebhooksDue(int64_t now_ms, int limit) {
-  std::vector<std::string> ids;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(ids, SelectWebhooksDue(sql, now_ms, limit));
-    return absl::OkStatus();
-  }));
-  return ids;
+  return Answer([&](SqlSession& sql) { return SelectWebhooksDue(sql, now_ms, limit); });
 }
 
 absl::StatusOr<std::vector<std::string>> SqlJobStore::JobsWithUnreferencedBlobs(int limit) {
-  std::vector<std::string> ids;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(ids, SelectJobsWithUnreferencedBlobs(sql, limit));
-    return absl::OkStatus();
-  }));
-  return ids;
+  return Answer([&](SqlSession& sql) { return SelectJobsWithUnreferencedBlobs(sql, limit); });
 }
 
 absl::StatusOr<JobCensus> SqlJobStore::Census() {
-  JobCensus census;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(census, SelectCensus(sql));
-    return absl::OkStatus();
-  }));
-  return census;
+  return Answer([&](SqlSession& sql) { return SelectCensus(sql); });
 }
 
 absl::StatusOr<JobQueue> SqlJobStore::Queue() {
-  JobQueue queue;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(queue, SelectQueue(sql));
-    return absl::OkStatus();
-  }));
-  return queue;
+  return Answer([&](SqlSession& sql) { return SelectQueue(sql); });
 }
 
 absl::StatusOr<OwnerUsage> SqlJobStore::UsageOf(std::string_view owner) {
-  OwnerUsage usage;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(usage, SelectUsage(sql, owner, /*but=*/""));
-    return absl::OkStatus();
-  }));
-  return usage;
+  return Answer([&](SqlSession& sql) { return SelectUsage(sql, owner, /*but=*/""); });
 }
 
 absl::StatusOr<std::vector<std::string>> SqlJobStore::Uploading(std::string_view owner) {
-  std::vector<std::string> ids;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(ids, SelectUploading(sql, owner));
-    return absl::OkStatus();
-  }));
-  return ids;
+  return Answer([&](SqlSession& sql) { return SelectUploading(sql, owner); });
 }
 
 absl::Status SqlJobStore::PutWorker(const WorkerRecord& worker) {
@@ -187,55 +139,38 @@ absl::Status SqlJobStore::RemoveWorker(std::string_view name) {
 }
 
 absl::StatusOr<std::vector<WorkerRecord>> SqlJobStore::Workers(int64_t since_ms) {
-  std::vector<WorkerRecord> workers;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(workers, SelectWorkers(sql, since_ms));
-    return absl::OkStatus();
-  }));
-  return workers;
+  return Answer([&](SqlSession& sql) { return SelectWorkers(sql, since_ms); });
 }
 
 absl::StatusOr<std::vector<FileRecord>> SqlJobStore::Files(std::string_view id) {
-  std::vector<FileRecord> files;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_RETURN_IF_ERROR(SelectJob(sql, id).status());
-    LITAGS_ASSIGN_OR_RETURN(files, SelectFiles(sql, id));
-    return absl::OkStatus();
-  }));
-  return files;
+  return AnswerOf(id, [&](SqlSession& sql) { return SelectFiles(sql, id); });
+}
+
+absl::StatusOr<std::optional<FileRecord>> SqlJobStore::File(std::string_view id, FileRole role,
+                                                            std::string_view name) {
+  return AnswerOf(id, [&](SqlSession& sql) { return SelectFile(sql, id, role, name); });
+}
+
+absl::StatusOr<FileTally> SqlJobStore::Tally(std::string_view id, std::string_view sha256) {
+  return Answer([&](SqlSession& sql) -> absl::StatusOr<FileTally> {
+    LITAGS_ASSIGN_OR_RETURN(const JobRecord job, SelectJob(sql, id));
+    return SelectTally(sql, id, job.photos, sha256);
+  });
 }
 
 absl::StatusOr<std::optional<JobFile>> SqlJobStore::FindFile(std::string_view id, FileRole role,
                                                              std::string_view sha256) {
-  std::optional<JobFile> file;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_RETURN_IF_ERROR(SelectJob(sql, id).status());
-    LITAGS_ASSIGN_OR_RETURN(file, SelectSameFile(sql, id, role, sha256));
-    return absl::OkStatus();
-  }));
-  return file;
+  return AnswerOf(id, [&](SqlSession& sql) { return SelectSameFile(sql, id, role, sha256); });
 }
 
 absl::StatusOr<std::vector<EventRecord>> SqlJobStore::Events(std::string_view id, int64_t after,
                                                              int limit) {
-  std::vector<EventRecord> events;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_RETURN_IF_ERROR(SelectJob(sql, id).status());
-    LITAGS_ASSIGN_OR_RETURN(events, SelectEvents(sql, id, after, limit));
-    return absl::OkStatus();
-  }));
-  return events;
+  return AnswerOf(id, [&](SqlSession& sql) { return SelectEvents(sql, id, after, limit); });
 }
 
 absl::StatusOr<std::vector<LogEntry>> SqlJobStore::Log(std::string_view id, int64_t after,
                                                        int limit) {
-  std::vector<LogEntry> entries;
-  LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) -> absl::Status {
-    LITAGS_RETURN_IF_ERROR(SelectJob(sql, id).status());
-    LITAGS_ASSIGN_OR_RETURN(entries, SelectLog(sql, id, after, limit));
-    return absl::OkStatus();
-  }));
-  return entries;
+  return AnswerOf(id, [&](SqlSession& sql) { return SelectLog(sql, id, after, limit); });
 }
 
 absl::StatusOr<std::string> SqlJobStore::InstallationId() {

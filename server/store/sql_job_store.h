@@ -6,11 +6,13 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "engine/core/error.h"
 #include "server/store/job_store.h"
 #include "server/store/sql.h"
 #include "server/store/sql_jobs.h"
@@ -44,6 +46,9 @@ class SqlJobStore : public JobStore {
   absl::Status RemoveWorker(std::string_view name) override;
   absl::StatusOr<std::vector<WorkerRecord>> Workers(int64_t since_ms) override;
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override;
+  absl::StatusOr<std::optional<FileRecord>> File(std::string_view id, FileRole role,
+                                                 std::string_view name) override;
+  absl::StatusOr<FileTally> Tally(std::string_view id, std::string_view sha256) override;
   absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
                                                   std::string_view sha256) override;
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after,
@@ -66,6 +71,25 @@ class SqlJobStore : public JobStore {
   virtual absl::Status Write(WriteWork work) = 0;
 
  private:
+  // What `select(sql)` says.
+  template <typename Select>
+  std::invoke_result_t<Select, SqlSession&> Answer(Select select) {
+    std::invoke_result_t<Select, SqlSession&> answer;
+    LITAGS_RETURN_IF_ERROR(Read([&](SqlSession& sql) {
+      answer = select(sql);
+      return answer.status();
+    }));
+    return answer;
+  }
+  // The same, of a job that must be there.
+  template <typename Select>
+  std::invoke_result_t<Select, SqlSession&> AnswerOf(std::string_view id, Select select) {
+    return Answer([&](SqlSession& sql) -> std::invoke_result_t<Select, SqlSession&> {
+      LITAGS_RETURN_IF_ERROR(SelectJob(sql, id).status());
+      return select(sql);
+    });
+  }
+
   // Update() of the job whose id `select(sql, lock)` finds.
   using Select = absl::FunctionRef<absl::StatusOr<std::optional<std::string>>(
       SqlSession&, std::string_view lock)>;

@@ -152,6 +152,12 @@ class SqlJobTransaction : public JobTransaction {
   }
 
   absl::StatusOr<std::vector<FileRecord>> Files() override { return SelectFiles(sql_, id_); }
+  absl::StatusOr<std::optional<FileRecord>> File(FileRole role, std::string_view name) override {
+    return SelectFile(sql_, id_, role, name);
+  }
+  absl::StatusOr<FileTally> Tally(std::string_view sha256) override {
+    return SelectTally(sql_, id_, photos_, sha256);
+  }
 
   absl::StatusOr<OwnerUsage> Usage() override {
     LITAGS_RETURN_IF_ERROR(sql_.LockOwner(owner_));
@@ -162,6 +168,7 @@ class SqlJobTransaction : public JobTransaction {
   }
 
   absl::Status PutFile(const FileRecord& file) override {
+    LITAGS_ASSIGN_OR_RETURN(const auto old, File(file.role, file.name));
     const auto upsert = sql_.Prepare(
         "INSERT INTO files (job_id, role, name, size_bytes, sha256, width, height, "
         "about) VALUES (?1,?2,?3,?4,?5,?6,?7,?8) ON CONFLICT (job_id, role, name) DO UPDATE SET "
@@ -176,14 +183,19 @@ class SqlJobTransaction : public JobTransaction {
         .Bind(int64_t{file.height})
         .Bind(file.about);
     LITAGS_RETURN_IF_ERROR(upsert->Run().status());
-    return CountFiles();
+    if (old) Count(*old, -1);
+    Count(file, 1);
+    return absl::OkStatus();
   }
 
   absl::Status RemoveFile(FileRole role, std::string_view name) override {
+    LITAGS_ASSIGN_OR_RETURN(const auto old, File(role, name));
+    if (!old) return absl::OkStatus();
     const auto remove = sql_.Prepare("DELETE FROM files WHERE job_id=?1 AND role=?2 AND name=?3");
     remove->Bind(id_).Bind(static_cast<int64_t>(role)).Bind(name);
     LITAGS_RETURN_IF_ERROR(remove->Run().status());
-    return CountFiles();
+    Count(*old, -1);
+    return absl::OkStatus();
   }
 
   absl::Status AddEvent(const EventRecord& event) override {
@@ -230,15 +242,9 @@ class SqlJobTransaction : public JobTransaction {
   }
 
  private:
-  absl::Status CountFiles() {
-    const auto sums = sql_.Prepare(
-        "SELECT COUNT(*) FILTER (WHERE role=1), COALESCE(SUM(size_bytes), 0) FROM files "
-        "WHERE job_id=?1");
-    sums->Bind(id_);
-    LITAGS_RETURN_IF_ERROR(sums->Step().status());
-    photos_ = sums->Int(0);
-    bytes_ = sums->Int(1);
-    return absl::OkStatus();
+  void Count(const FileRecord& file, int64_t sign) {
+    bytes_ += sign * file.size_bytes;
+    if (file.role == FileRole::kPhoto) photos_ += sign;
   }
 
   SqlSession& sql_;
@@ -412,6 +418,27 @@ absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string
       absl::StrCat("SELECT ", kFileColumns, " FROM files WHERE job_id=?1 ORDER BY role, name"));
   row->Bind(id);
   return ReadAll(*row, ReadFile);
+}
+
+absl::StatusOr<std::optional<FileRecord>> SelectFile(SqlSession& sql, std::string_view id,
+                                                     FileRole role, std::string_view name) {
+  const auto row = sql.Prepare(
+      absl::StrCat("SELECT ", kFileColumns, " FROM files WHERE job_id=?1 AND role=?2 AND name=?3"));
+  row->Bind(id).Bind(static_cast<int64_t>(role)).Bind(name);
+  LITAGS_ASSIGN_OR_RETURN(const bool found, row->Step());
+  if (!found) return std::nullopt;
+  return ReadFile(*row);
+}
+
+absl::StatusOr<FileTally> SelectTally(SqlSession& sql, std::string_view id, int64_t photos,
+                                      std::string_view sha256) {
+  // Photos, which are the most, are counted already, and have the first role.
+  const auto row = sql.Prepare(
+      "SELECT (SELECT COUNT(*) FROM files WHERE job_id=?1 AND role>1), "
+      "(SELECT COUNT(*) FROM files WHERE sha256=?2 AND job_id=?1)");
+  row->Bind(id).Bind(sha256);
+  LITAGS_RETURN_IF_ERROR(row->Step().status());
+  return FileTally{photos + row->Int(0), row->Int(1)};
 }
 
 absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::string_view id,

@@ -44,6 +44,11 @@ absl::StatusOr<OwnerUsage> SelectUsage(SqlSession& sql, std::string_view owner,
                                        std::string_view but);
 absl::StatusOr<std::vector<std::string>> SelectUploading(SqlSession& sql, std::string_view owner);
 absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string_view id);
+absl::StatusOr<std::optional<FileRecord>> SelectFile(SqlSession& sql, std::string_view id,
+                                                     FileRole role, std::string_view name);
+// `photos`: how many of them the job has.
+absl::StatusOr<FileTally> SelectTally(SqlSession& sql, std::string_view id, int64_t photos,
+                                      std::string_view sha256);
 absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::string_view id,
                                                       FileRole role, std::string_view sha256);
 absl::StatusOr<std::vector<EventRecord>> SelectEvents(SqlSession& sql, std::string_view id,

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "absl/status/statusor.h"
 #include "engine/core/error_test_util.h"
@@ -15,6 +16,9 @@ namespace litags {
 
 // A change that changes nothing.
 inline absl::Status Nothing(JobTransaction&) { return absl::OkStatus(); }
+
+// Fits of a worker that takes any job.
+inline bool FitsAny(std::string_view) { return true; }
 
 inline JobRecord MakeJob(const std::string& id, int64_t time_ms = 1,
                          JobState state = JobState::kUploading) {
