@@ -57,12 +57,14 @@ class BlobStore {
 // What is inside a local folder; empty if there is no such folder.
 struct FolderEntry {
   std::string name;
-  double quiet_seconds = 0;  // since it was changed last
+  double quiet_seconds = 0;  // since it was changed last; a new link to old bytes was changed now
 };
 absl::StatusOr<std::vector<FolderEntry>> ListFolder(const std::string& folder);
 
-// A folder, made if it is not there.
-absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& path);
+// A folder, made if it is not there. RemoveTemporary() removes what is older than
+// `abandoned_seconds`.
+absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& path,
+                                                             double abandoned_seconds = 24 * 3600);
 
 // A bucket of Amazon S3, or of a server that speaks its protocol.
 struct S3Options {

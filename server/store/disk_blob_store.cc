@@ -1,4 +1,5 @@
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
 #include "engine/core/error.h"
+#include "engine/core/unique_fd.h"
 #include "server/store/blob_store.h"
 #include "server/store/digest.h"
 #include "server/store/file_error.h"
@@ -22,7 +24,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kTemporaryPrefix[] = "put-";
-constexpr double kAbandonedSeconds = 24 * 3600;
 
 absl::Status ErrorOf(const char* action, const fs::path& path, int error) {
   if (error == ENOENT) {
@@ -32,45 +33,28 @@ absl::Status ErrorOf(const char* action, const fs::path& path, int error) {
   return FileError(action, path, error);
 }
 
-class Fd {
- public:
-  Fd(const fs::path& path, int flags) : fd_(open(path.c_str(), flags | O_CLOEXEC, 0600)) {}
-  Fd(const Fd&) = delete;
-  Fd& operator=(const Fd&) = delete;
-  ~Fd() {
-    if (fd_ >= 0) close(fd_);
-  }
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
-
 absl::Status Sync(const fs::path& path) {
-  const Fd fd(path, O_RDONLY);
-  if (fd.get() < 0 || fsync(fd.get()) != 0) return ErrorOf("sync", path, errno);
+  const UniqueFd fd(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!fd.valid() || fsync(fd.get()) != 0) return ErrorOf("sync", path, errno);
   return absl::OkStatus();
 }
 
-absl::Status WriteAll(const fs::path& path, std::string_view bytes) {
-  const Fd fd(path, O_WRONLY | O_CREAT | O_EXCL);
-  if (fd.get() < 0) return ErrorOf("create", path, errno);
-  while (!bytes.empty()) {
-    const ssize_t n = write(fd.get(), bytes.data(), bytes.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return ErrorOf("write", path, errno);
-    bytes.remove_prefix(static_cast<size_t>(n));
-  }
-  return absl::OkStatus();
+absl::Status WriteNew(const fs::path& path, std::string_view bytes) {
+  UniqueFd fd(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  if (!fd.valid()) return ErrorOf("create", path, errno);
+  int error = WriteAll(fd.get(), bytes);
+  if (!fd.Close() && error == 0) error = errno;
+  return error ? ErrorOf("write", path, error) : absl::OkStatus();
 }
 
 class DiskBlobStore : public BlobStore {
  public:
-  explicit DiskBlobStore(fs::path root) : root_(std::move(root)) {}
+  DiskBlobStore(fs::path root, double abandoned_seconds)
+      : root_(std::move(root)), abandoned_seconds_(abandoned_seconds) {}
 
   absl::Status Put(std::string_view key, std::string_view bytes) override {
     const fs::path temporary = TemporaryPath();
-    absl::Status status = WriteAll(temporary, bytes);
+    absl::Status status = WriteNew(temporary, bytes);
     if (status.ok()) status = PutFile(key, temporary);
     unlink(temporary.c_str());  // still there after a failure only
     return status;
@@ -146,9 +130,8 @@ class DiskBlobStore : public BlobStore {
     const auto entries = ListFolder(root_ / "tmp");
     if (!entries.ok()) return;  // the next time, then
     for (const FolderEntry& entry : *entries) {
-      if (!entry.name.starts_with(kTemporaryPrefix) || entry.quiet_seconds < kAbandonedSeconds) {
-        continue;
-      }
+      if (!entry.name.starts_with(kTemporaryPrefix)) continue;
+      if (entry.quiet_seconds < abandoned_seconds_) continue;
       unlink((root_ / "tmp" / entry.name).c_str());  // another server may have done it just now
     }
   }
@@ -186,6 +169,7 @@ class DiskBlobStore : public BlobStore {
   }
 
   const fs::path root_;
+  const double abandoned_seconds_;
 };
 
 }  // namespace
@@ -193,21 +177,23 @@ class DiskBlobStore : public BlobStore {
 absl::StatusOr<std::vector<FolderEntry>> ListFolder(const std::string& folder) {
   std::vector<FolderEntry> entries;
   std::error_code error;
-  const auto now = fs::file_time_type::clock::now();
+  const std::chrono::duration<double> now = std::chrono::system_clock::now().time_since_epoch();
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-    std::error_code gone;
-    const auto time = it->last_write_time(gone);
-    if (gone) continue;
-    entries.push_back({it->path().filename(), std::chrono::duration<double>(now - time).count()});
+    struct stat info;
+    if (stat(it->path().c_str(), &info) != 0) continue;  // gone
+    const double changed =
+        static_cast<double>(info.st_ctim.tv_sec) + 1e-9 * static_cast<double>(info.st_ctim.tv_nsec);
+    entries.push_back({it->path().filename(), now.count() - changed});
   }
   if (error && error.value() != ENOENT) return ErrorOf("list", folder, error.value());
   return entries;
 }
 
-absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& path) {
+absl::StatusOr<std::unique_ptr<BlobStore>> OpenDiskBlobStore(const std::string& path,
+                                                             double abandoned_seconds) {
   std::string root = path;  // no parent of a key's path would be "/folder/"
   while (root.size() > 1 && root.ends_with('/')) root.pop_back();
-  auto store = std::make_unique<DiskBlobStore>(root);
+  auto store = std::make_unique<DiskBlobStore>(root, abandoned_seconds);
   std::error_code error;
   fs::create_directories(fs::path(root) / "tmp", error);
   if (error) return ErrorOf("create", root, error.value());

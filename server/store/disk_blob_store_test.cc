@@ -3,7 +3,6 @@
 #include <sys/resource.h>
 
 #include <cerrno>
-#include <chrono>
 #include <filesystem>
 #include <fstream>
 
@@ -59,18 +58,15 @@ TEST(CopyFile, SaysWhyItFailedAndLeavesNothingThen) {
   EXPECT_TRUE(std::filesystem::exists(target)) << "not ours to remove";
 }
 
-TEST(DiskBlobStore, TemporaryFilesOfYesterdayAreRemoved) {
+TEST(DiskBlobStore, TemporaryFilesAreRemovedWhenTheyAreAbandonedAndNoOthers) {
   TempDir dir;
   const auto blobs = MakeTestedBlobStore(dir.path());
   const std::filesystem::path tmp = dir.path() + "/blobs/tmp";
-  for (const char* name : {"put-old", "put-new", "strangers"}) std::ofstream(tmp / name) << "x";
-  const auto long_ago = std::filesystem::file_time_type::clock::now() - std::chrono::hours(25);
-  for (const char* name : {"put-old", "strangers"}) {
-    std::filesystem::last_write_time(tmp / name, long_ago);
-  }
+  for (const char* name : {"put-1", "strangers"}) std::ofstream(tmp / name) << "x";
   blobs->RemoveTemporary();
-  EXPECT_FALSE(std::filesystem::exists(tmp / "put-old"));
-  EXPECT_TRUE(std::filesystem::exists(tmp / "put-new"));  // another server may be writing it
+  EXPECT_TRUE(std::filesystem::exists(tmp / "put-1"));  // another server may be writing it
+  (*OpenDiskBlobStore(dir.path() + "/blobs", /*abandoned_seconds=*/-1))->RemoveTemporary();
+  EXPECT_FALSE(std::filesystem::exists(tmp / "put-1"));
   EXPECT_TRUE(std::filesystem::exists(tmp / "strangers"));
 }
 

@@ -9,20 +9,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/unique_fd.h"
 
 namespace litags {
 namespace {
-
-int WriteAll(int fd, const char* bytes, size_t size) {
-  while (size > 0) {
-    const ssize_t n = write(fd, bytes, size);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return errno;
-    bytes += n;
-    size -= static_cast<size_t>(n);
-  }
-  return 0;
-}
 
 int CopyBytes(int from, int to) {
   std::vector<char> buffer(1 << 20);
@@ -31,7 +21,7 @@ int CopyBytes(int from, int to) {
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return errno;
     if (n == 0) return 0;
-    if (const int error = WriteAll(to, buffer.data(), static_cast<size_t>(n))) return error;
+    if (const int error = WriteAll(to, {buffer.data(), static_cast<size_t>(n)})) return error;
   }
 }
 
@@ -46,15 +36,25 @@ absl::Status FileError(const char* action, const std::string& path, int error) {
                    absl::StrCat("cannot ", action, " ", path, ": ", std::strerror(error)));
 }
 
+int WriteAll(int fd, std::string_view bytes, int64_t* written) {
+  while (!bytes.empty()) {
+    const ssize_t n = write(fd, bytes.data(), bytes.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return errno;
+    if (written) *written += n;
+    bytes.remove_prefix(static_cast<size_t>(n));
+  }
+  return 0;
+}
+
 int CopyFile(const std::string& source, const std::string& target) {
-  const int from = open(source.c_str(), O_RDONLY | O_CLOEXEC);
-  if (from < 0) return errno;
-  const int to = open(target.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  int error = to < 0 ? errno : CopyBytes(from, to);
-  close(from);
-  if (to < 0) return error;
+  const UniqueFd from(open(source.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!from.valid()) return errno;
+  UniqueFd to(open(target.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  if (!to.valid()) return errno;
+  int error = CopyBytes(from.get(), to.get());
   // A network's file system may find out only now that there is no room.
-  if (close(to) != 0 && error == 0) error = errno;
+  if (!to.Close() && error == 0) error = errno;
   if (error != 0) unlink(target.c_str());
   return error;
 }

@@ -144,14 +144,8 @@ absl::Status PartialFile::StoreChunks() {
 }
 
 absl::Status PartialFile::Write(std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t n = write(fd_, bytes.data(), bytes.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return FileError("write", path_, errno);
-    size_ += n;
-    bytes.remove_prefix(static_cast<size_t>(n));
-  }
-  return absl::OkStatus();
+  const int error = WriteAll(fd_, bytes, &size_);
+  return error ? FileError("write", path_, error) : absl::OkStatus();
 }
 
 absl::Status PartialFile::SetAside() {

@@ -13,6 +13,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/unique_fd.h"
 #include "server/store/digest.h"
 #include "server/store/file_error.h"
 #include "server/store/s3_client.h"
@@ -80,18 +81,14 @@ class S3BlobStore : public BlobStore {
   }
 
   absl::Status Fetch(std::string_view key, const std::string& path) override {
-    const int fd = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-    if (fd < 0) return FileError("create", path, errno);
-    absl::Status status = Download(key, [&](const std::string& part) -> absl::Status {
-      for (size_t done = 0; done < part.size();) {
-        const ssize_t n = write(fd, part.data() + done, part.size() - done);
-        if (n < 0 && errno != EINTR) return FileError("write", path, errno);
-        if (n > 0) done += static_cast<size_t>(n);
-      }
-      return absl::OkStatus();
+    UniqueFd fd(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+    if (!fd.valid()) return FileError("create", path, errno);
+    absl::Status status = Download(key, [&](const std::string& part) {
+      const int error = WriteAll(fd.get(), part);
+      return error ? FileError("write", path, error) : absl::OkStatus();
     });
     // Some file systems say only here that there was no room.
-    if (close(fd) != 0 && status.ok()) status = FileError("write", path, errno);
+    if (!fd.Close() && status.ok()) status = FileError("write", path, errno);
     if (!status.ok()) unlink(path.c_str());
     return status;
   }

@@ -3,8 +3,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include "engine/core/error_test_util.h"
 #include "server/store/blob_store.h"
@@ -37,8 +39,16 @@ TEST(DataDirectory, IsMadePrivateAndItsTemporaryFilesAreRemoved) {
   const std::string of_a_worker = data->blobs() + "/tmp/put-1";  // which may be writing it
   std::filesystem::create_directories(data->blobs() + "/tmp");
   std::ofstream(of_a_worker) << "x";
-  data->EmptyTmp(60);  // somebody may be writing it
+  // Somebody may be writing it; a link to an old blob is new all the same.
+  const auto days_ago = std::filesystem::file_time_type::clock::now() - std::chrono::hours(48);
+  std::filesystem::last_write_time(data->tmp() + "/left", days_ago);
+  data->EmptyTmp(60);
   EXPECT_FALSE(std::filesystem::is_empty(data->tmp()));
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  data->EmptyTmp(0.01);
+  EXPECT_TRUE(std::filesystem::is_empty(data->tmp()));
+  EXPECT_TRUE(std::filesystem::exists(of_a_worker));
+  std::ofstream(data->tmp() + "/left") << "x";
   data->EmptyTmp(0);
   EXPECT_TRUE(std::filesystem::is_empty(data->tmp()));
   EXPECT_TRUE(std::filesystem::exists(of_a_worker));
