@@ -94,13 +94,10 @@ void Supervisor::KeepRunning(int index) {
       place.young_deaths = young ? place.young_deaths + 1 : 0;
     }
     if (options_.on_restart) options_.on_restart();
-    backoff =
-        young ? std::min(2 * backoff, options_.max_backoff_seconds) : options_.min_backoff_seconds;
+    if (!young) backoff = options_.min_backoff_seconds;
     spdlog::warn("{} ended: {}; next one in {:.1f} s", name, why, backoff);
-    const auto until = SteadyClock::now() + std::chrono::duration<double>(backoff);
-    while (!stop_.IsCancelled() && SteadyClock::now() < until) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    }
+    stop_.SleepFor(backoff);
+    backoff = std::min(2 * backoff, options_.max_backoff_seconds);
   }
 }
 

@@ -20,7 +20,7 @@ struct SupervisorOptions {
   int niceness = 0;                  // added to ours, 0..19
   double min_backoff_seconds = 0.2;  // before the first restart; doubles while workers die young
   double max_backoff_seconds = 10;
-  double young_seconds = 30;         // a worker that lived longer is restarted at once
+  double young_seconds = 30;         // after one that lived longer, the pause is the least again
   double grace_seconds = 8;          // between SIGTERM and SIGKILL when shutting down
   std::function<void()> on_restart;  // a worker ended by itself; may be empty; in any thread
 };

@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <fstream>
+#include <iterator>
 #include <thread>
 
 #include "server/store/data_dir.h"
@@ -44,6 +46,30 @@ TEST(Supervisor, WorkerThatIsKilledWhenTheServerStopsCostsItsJobNoAttempt) {
   EXPECT_EQ(store->Get("a1")->state, JobState::kQueued);
   EXPECT_EQ(store->Get("a1")->attempt, 0);
   EXPECT_THAT(store->Log("a1", 0, 99)->back().text, HasSubstr("the worker shut down"));
+}
+
+TEST(Supervisor, WorkerThatDiesYoungIsFollowedAfterTheLeastPauseAtFirst) {
+  TempDir dir;
+  const DataDir data = *DataDir::Open(dir.path());
+  const auto store = *OpenSqliteJobStore(data.database());
+  const auto blobs = *OpenDiskBlobStore(data.blobs());
+  Leases leases(store.get(), blobs.get());
+  SupervisorOptions options;
+  options.command = {"/bin/sh", "-c", "echo $1 >> " + dir.path() + "/names"};
+  options.min_backoff_seconds = 1;
+  options.max_backoff_seconds = 60;
+  const auto start = std::chrono::steady_clock::now();
+  Supervisor supervisor(options, &leases);
+  const auto workers = [&] {
+    std::ifstream names(dir.path() + "/names");
+    return std::count(std::istreambuf_iterator<char>(names), {}, '\n');
+  };
+  for (int i = 0; i < 500 && workers() < 2; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  EXPECT_GE(seconds.count(), 1);
+  EXPECT_LT(seconds.count(), 2);
 }
 
 }  // namespace
