@@ -70,11 +70,6 @@ absl::Status HardeningOptions::Validate() const {
                                      " bytes is too small for a worker to start; give at least ",
                                      kLeastMemoryBytes >> 20, " MiB, or 0 for no limit"));
   }
-  if (max_file_bytes < 0) {
-    return InvalidInput("OUT_OF_RANGE", "max_file_bytes",
-                        absl::StrCat("a file size limit of ", max_file_bytes,
-                                     " bytes is negative; give 0 for no limit"));
-  }
   return absl::OkStatus();
 }
 
@@ -88,9 +83,7 @@ std::vector<std::string> HardenProcess(const HardeningOptions& options) {
   signal(SIGXFSZ, SIG_IGN);
   note(prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0, "no new privileges");
   note(LowerLimit(RLIMIT_CORE, 0), "no core dumps");
-  if (options.max_file_bytes > 0) {
-    note(LowerLimit(RLIMIT_FSIZE, options.max_file_bytes), "file size limit");
-  }
+  note(LowerLimit(RLIMIT_FSIZE, kMaxFileBytes), "file size limit");
   if (options.max_memory_bytes > 0) {
     note(LowerLimit(RLIMIT_AS, options.max_memory_bytes), "memory limit");
   }

@@ -14,13 +14,14 @@ namespace litags {
 struct HardeningOptions {
   // Address space of this process, and of every one it starts, bytes (RLIMIT_AS); 0: no limit.
   int64_t max_memory_bytes = 0;
-  // Size of any file they write, bytes (RLIMIT_FSIZE); 0: no limit.
-  int64_t max_file_bytes = int64_t{64} << 30;
   bool allow_network = false;
 
   // INVALID_ARGUMENT naming the field that breaks its rule.
   absl::Status Validate() const;
 };
+
+// Of any file that a process writes after HardenProcess() (RLIMIT_FSIZE).
+constexpr int64_t kMaxFileBytes = int64_t{64} << 30;
 
 // Exit code of a process that ran out of memory after HardenProcess().
 constexpr int kOutOfMemoryExitCode = 4;
