@@ -374,7 +374,7 @@ TEST_F(DetailsTest, NoChangeOfStateIsToldInALogBeyondItsLastBytes) {
   const std::string id = UploadedJob(jobs_);
   ASSERT_TRUE(jobs_.Start(id).ok());
   const auto fill = [](JobTransaction& job) {
-    job.job.log_bytes = kMaxLogBytesWithStates - 1;
+    job.job.log_bytes = kMaxJobLogBytesWithStates - 1;
     return absl::OkStatus();
   };
   ASSERT_TRUE(store_->Update(id, fill).ok());

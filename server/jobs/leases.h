@@ -23,7 +23,7 @@ struct LeaseOptions {
   int64_t duration_ms = 10000;  // without a heartbeat for this long, the job goes to another worker
   // After this many lost workers the job fails, counted since its user started or resumed it.
   int max_attempts = 3;
-  int64_t max_log_bytes = kMaxLogBytes;
+  int64_t max_log_bytes = kMaxJobLogBytes;
   // Of all pictures that show a job's progress: some hundreds. Later progress comes without one.
   int64_t max_preview_bytes = int64_t{256} << 20;
 };

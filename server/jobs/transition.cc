@@ -71,7 +71,7 @@ absl::StatusOr<int64_t> ExpiryOf(const JobRecord& job, JobState state, int64_t e
 absl::Status AddStateEvent(JobTransaction& job, int64_t now_ms, std::string_view message,
                            const JobError* error) {
   const std::string text(message);
-  if (job.job.log_bytes < kMaxLogBytesWithStates) {
+  if (job.job.log_bytes < kMaxJobLogBytesWithStates) {
     LITAGS_RETURN_IF_ERROR(job.AddLog(
         {0, now_ms, error ? LogSeverity::kError : LogSeverity::kInfo,
          absl::StrCat(std::string(JobStateName(job.job.state)), text.empty() ? "" : ": ", text)}));

@@ -23,9 +23,9 @@ absl::Status ApplyAction(JobTransaction& job, JobAction action, int64_t now_ms,
 absl::StatusOr<int64_t> ExpiryOf(const JobRecord& job, JobState state, int64_t end_ms);
 
 // Of what workers write into one job's log.
-inline constexpr int64_t kMaxLogBytes = int64_t{1} << 20;
+inline constexpr int64_t kMaxJobLogBytes = int64_t{1} << 20;
 // Changes of a job's state are told in a full log, too, up to so many bytes in all.
-inline constexpr int64_t kMaxLogBytesWithStates = kMaxLogBytes + (int64_t{64} << 10);
+inline constexpr int64_t kMaxJobLogBytesWithStates = kMaxJobLogBytes + (int64_t{64} << 10);
 
 // Writes the event, and the entry of the log, of a state that was reached by creation.
 absl::Status AddStateEvent(JobTransaction& job, int64_t now_ms, std::string_view message,
