@@ -58,7 +58,7 @@ HWY_INLINE void StoreDepth(const Lanes& o, V inv_det, Rows* rows) {
 
 // Channels of the record.
 HWY_INLINE void StoreFeatures(const float* in, const V3& mean, V z, const KernelCamera& cam,
-                              const ProjectionSettings& settings, Rows* rows) {
+                              const RenderSettings& settings, Rows* rows) {
   const D d;
   const auto copy = [&](int row, int channel) HWY_ATTR {
     hn::Store(hn::Load(d, in + row * kSplatBlock), d, rows->record[kRecordFeatures + channel]);
@@ -72,15 +72,17 @@ HWY_INLINE void StoreFeatures(const float* in, const V3& mean, V z, const Kernel
     for (int c = 0; c < 3; ++c) color[c] = hn::Mul(color[c], gain);
   }
   for (int c = 0; c < 3; ++c) hn::Store(color[c], d, rows->record[kRecordFeatures + c]);
-  if (settings.channels == kColorAndNoise) {
+  if (settings.num_channels == kColorAndNoise) {
     for (int c = 0; c < 3; ++c) copy(kNoise + c, 3 + c);
   }
-  if (settings.channels < kWithoutNoise) return;
+  if (settings.num_channels < kWithoutNoise) return;
   copy(kDepth, kChannelDepth);
-  if (settings.depth_is_camera_z) hn::Store(z, d, rows->record[kRecordFeatures + kChannelDepth]);
+  if (settings.depth_source == DepthSource::kCameraZ) {
+    hn::Store(z, d, rows->record[kRecordFeatures + kChannelDepth]);
+  }
   copy(kStructure, kChannelStructure);
   for (int c = 0; c < 3; ++c) copy(kIllumination + c, kChannelIllumination + c);
-  if (settings.channels < kNumChannels) return;
+  if (settings.num_channels < kNumChannels) return;
   for (int c = 0; c < 3; ++c) copy(kNoise + c, kChannelNoise + c);
 }
 
@@ -195,8 +197,7 @@ HWY_INLINE void StoreRecord(const Lanes& o, const Ellipse<V>& ellipse, V inv_det
 // Projects one vector of Gaussians, `begin` to `begin + count`; `in` points at its first lane.
 // Returns how many are visible.
 size_t ProjectVector(const float* in, size_t begin, size_t count, const KernelCamera& cam,
-                     const ProjectionSettings& settings, const Dropped& dropped,
-                     ProjectedSplats* out) {
+                     const RenderSettings& settings, const Dropped& dropped, ProjectedSplats* out) {
   const D d;
   const V3 mean = LoadMean(in);
   const V3 p = ToCamera(mean, cam);
@@ -237,8 +238,8 @@ size_t ProjectVector(const float* in, size_t begin, size_t count, const KernelCa
                               hn::Div(o.cov_b, o.cov_c),
                               hn::Div(hn::Sqrt(o.det), o.cov_c),
                               hn::Mul(o.cov_b, hn::Sqrt(hn::Div(q_wide, o.cov_a)))};
-  StoreRecord(o, ellipse, inv_det, log2_opacity, settings.channels, &rows);
-  if (settings.channels == kDepthOnly) {
+  StoreRecord(o, ellipse, inv_det, log2_opacity, settings.num_channels, &rows);
+  if (settings.num_channels == kDepthOnly) {
     StoreDepth(o, inv_det, &rows);
   } else {
     StoreFeatures(in, mean, p.z, cam, settings, &rows);
@@ -251,7 +252,7 @@ size_t ProjectVector(const float* in, size_t begin, size_t count, const KernelCa
 }
 
 void ProjectBlockImpl(const Splats& splats, size_t block, const KernelCamera& camera,
-                      const ProjectionSettings& settings, ProjectedSplats* out) {
+                      const RenderSettings& settings, ProjectedSplats* out) {
   const D d;
   const size_t lanes = hn::Lanes(d);
   const size_t begin = block * kSplatBlock, end = std::min(splats.size(), begin + kSplatBlock);
@@ -317,7 +318,7 @@ void ProjectedSplats::Resize(size_t n, int new_channels) {
 }
 
 void ProjectBlock(const Splats& splats, size_t block, const KernelCamera& camera,
-                  const ProjectionSettings& settings, ProjectedSplats* out) {
+                  const RenderSettings& settings, ProjectedSplats* out) {
   HWY_DYNAMIC_DISPATCH(ProjectBlockImpl)(splats, block, camera, settings, out);
 }
 

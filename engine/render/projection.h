@@ -9,7 +9,6 @@
 
 #include "engine/core/camera.h"
 #include "engine/core/splats.h"
-#include "engine/render/dropout.h"
 #include "engine/render/renderer.h"
 
 namespace litags {
@@ -83,27 +82,17 @@ struct ProjectedSplats {
   std::vector<uint8_t> visible;  // [blocks], how many of a block's Gaussians
 };
 
-struct ProjectionSettings {
-  int channels = kNumChannels;
-  int sh_degree = kMaxShDegree;
-  bool depth_is_camera_z = false;
-  PixelFilter pixel_filter = PixelFilter::kDilate;
-  float near_plane = RenderSettings().near_plane;
-  Dropout dropout;
-  Lamp lamp;
-};
-
 // LITA-GS Eq. 8: mu' and Sigma2D.
 // Projects block `block` of 16 Gaussians. Thread-safe for different blocks.
 void ProjectBlock(const Splats& splats, size_t block, const KernelCamera& camera,
-                  const ProjectionSettings& settings, ProjectedSplats* out);
+                  const RenderSettings& settings, ProjectedSplats* out);
 
 // VJP of ProjectBlock. `sums` [GradStride][16] are the pixel sums per Gaussian, zero for lanes not
 // in `visible`; writes grads [kSplatRows][16] (rows past the SH degree are left alone),
 // mean2d_grad [2][16], loss per px, and, unless it is null, the block's part of
 // Renderer::pose_grad().
 void ProjectBlockVjp(const Splats& splats, size_t block, const KernelCamera& camera,
-                     const ProjectionSettings& settings, const float* sums, uint32_t visible,
+                     const RenderSettings& settings, const float* sums, uint32_t visible,
                      float* grads, float* mean2d_grad, PoseVector* pose_grad);
 
 }  // namespace litags

@@ -102,25 +102,26 @@ struct VjpRows {
 
 // Depth (also by way of the camera's Z: returns dL/dZ) and the attributes that are composited as
 // they are.
-HWY_INLINE V AttributesVjp(const VjpRows& rows, const ProjectionSettings& settings) {
+HWY_INLINE V AttributesVjp(const VjpRows& rows, const RenderSettings& settings) {
   const D d;
-  if (settings.channels < kWithoutNoise) return hn::Zero(d);
+  if (settings.num_channels < kWithoutNoise) return hn::Zero(d);
   const auto copy = [&](int channel, int row)
                         HWY_ATTR { rows.Put(row, rows.Sum(kGradFeatures + channel)); };
   copy(kChannelStructure, kStructure);
   for (int c = 0; c < 3; ++c) {
     copy(kChannelIllumination + c, kIllumination + c);
-    if (settings.channels == kNumChannels) copy(kChannelNoise + c, kNoise + c);
+    if (settings.num_channels == kNumChannels) copy(kChannelNoise + c, kNoise + c);
   }
   const V v_depth = rows.Sum(kGradFeatures + kChannelDepth);
-  rows.Put(kDepth, settings.depth_is_camera_z ? hn::Zero(d) : v_depth);
-  return settings.depth_is_camera_z ? v_depth : hn::Zero(d);
+  const bool camera_z = settings.depth_source == DepthSource::kCameraZ;
+  rows.Put(kDepth, camera_z ? hn::Zero(d) : v_depth);
+  return camera_z ? v_depth : hn::Zero(d);
 }
 
 // SH coefficients; returns dL/dmean by way of the viewing direction, and of the distance from a
 // lamp.
 HWY_INLINE V3 ColorVjp(const VjpRows& rows, const V3& mean, const KernelCamera& cam,
-                       const ProjectionSettings& settings) {
+                       const RenderSettings& settings) {
   const D d;
   V inv_distance;
   const V3 dir = Direction(mean, cam, &inv_distance);
@@ -185,7 +186,7 @@ HWY_INLINE void AddPoseVjp(const VjpRows& rows, const Lanes& o, const V3& v_p, c
   }
 }
 
-void VjpVector(const VjpRows& rows, const KernelCamera& cam, const ProjectionSettings& settings,
+void VjpVector(const VjpRows& rows, const KernelCamera& cam, const RenderSettings& settings,
                float* mean2d_grad, PoseVector* pose_grad) {
   const D d;
   const V3 mean = LoadMean(rows.in);
@@ -238,7 +239,7 @@ void VjpVector(const VjpRows& rows, const KernelCamera& cam, const ProjectionSet
 }
 
 void ProjectBlockVjpImpl(const Splats& splats, size_t block, const KernelCamera& camera,
-                         const ProjectionSettings& settings, const float* sums, uint32_t visible,
+                         const RenderSettings& settings, const float* sums, uint32_t visible,
                          float* grads, float* mean2d_grad, PoseVector* pose_grad) {
   const D d;
   const hn::RebindToSigned<D> di;
@@ -262,7 +263,7 @@ namespace litags {
 HWY_EXPORT(ProjectBlockVjpImpl);
 
 void ProjectBlockVjp(const Splats& splats, size_t block, const KernelCamera& camera,
-                     const ProjectionSettings& settings, const float* sums, uint32_t visible,
+                     const RenderSettings& settings, const float* sums, uint32_t visible,
                      float* grads, float* mean2d_grad, PoseVector* pose_grad) {
   HWY_DYNAMIC_DISPATCH(ProjectBlockVjpImpl)
   (splats, block, camera, settings, sums, visible, grads, mean2d_grad, pose_grad);

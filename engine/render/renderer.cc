@@ -25,13 +25,9 @@ bool HasVjp(int channels) {
 struct Renderer::Impl {
   KernelCamera camera;
   int width = 0, height = 0;
-  ProjectionSettings projection;
-  std::array<float, kNumChannels> background = {};
-  int threads = 0;
-  bool count_useful = false;
-  uint32_t kept_channels = 0;
-  uint32_t detached_channels = 0;
-  bool wants_pose_grad = false;
+  // Of the last Forward: its degree and threads are those used, it keeps no channel that it does
+  // not have, and nothing cancels it any more.
+  RenderSettings settings;
   bool has_vjp = false;
 
   ProjectedSplats projected;
@@ -53,14 +49,14 @@ struct Renderer::Impl {
     job.y0 = (part.y + static_cast<int>(tile / part.width)) * kTileSize;
     job.width = width;
     job.height = height;
-    job.channels = projection.channels;
-    job.kept_channels = kept_channels;
+    job.channels = settings.num_channels;
+    job.kept_channels = settings.kept_channels;
     const uint32_t begin = lists.tile_begin[tile];
     job.count = lists.tile_begin[tile + 1] - begin;
     job.gaussians = lists.gaussians.data() + begin;
     job.records = projected.records.data();
-    job.background = background.data();
-    job.count_useful = count_useful;
+    job.background = settings.background.data();
+    job.count_useful = settings.count_useful;
     // The part of tiles before this one is no longer than this.
     job.reach = reach.data() + (begin / kChunk + tile) * kMaxTileBlocks;
     return job;
@@ -90,42 +86,31 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
   if (!crop.empty()) s.camera.CropTo(crop);
   s.width = crop.empty() ? camera.width : crop.width;
   s.height = crop.empty() ? camera.height : crop.height;
-  s.projection = {settings.num_channels,
-                  std::clamp(settings.sh_degree, 0, kMaxShDegree),
-                  settings.depth_source == DepthSource::kCameraZ,
-                  settings.pixel_filter,
-                  settings.near_plane,
-                  settings.dropout,
-                  settings.lamp};
-  s.background = settings.background;
-  s.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
-  s.count_useful = settings.count_useful;
-  s.kept_channels = settings.kept_channels & ((1u << C) - 1);
-  s.has_vjp = HasVjp(C) && settings.max_pairs == 0 && std::popcount(s.kept_channels) == C;
-  s.detached_channels = settings.detached_channels;
-  s.wants_pose_grad = settings.pose_grad;
+  s.settings = settings;
+  s.settings.sh_degree = std::clamp(settings.sh_degree, 0, kMaxShDegree);
+  s.settings.threads = settings.threads > 0 ? settings.threads : DefaultThreadCount();
+  s.settings.kept_channels &= (1u << C) - 1;
+  s.settings.cancel = nullptr;
+  const int kept = std::popcount(s.settings.kept_channels);
+  s.has_vjp = HasVjp(C) && settings.max_pairs == 0 && kept == C;
 
   s.projected.Resize(splats.size(), settings.num_channels);
   s.stats.visible.resize(splats.size());
   const size_t blocks = splats.num_blocks();
-  ParallelFor(s.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask, [&](size_t task, int) {
-    const size_t end = std::min(blocks, (task + 1) * kBlocksPerTask);
-    for (size_t b = task * kBlocksPerTask; b < end; ++b) {
-      ProjectBlock(splats, b, s.camera, s.projection, &s.projected);
-    }
-    const size_t last = std::min(splats.size(), end * kSplatBlock);
-    for (size_t i = task * kBlocksPerTask * kSplatBlock; i < last; ++i) {
-      s.stats.visible[i] = !s.projected.boxes[i].empty();
-    }
-  });
+  ParallelFor(s.settings.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask,
+              [&](size_t task, int) {
+                const size_t end = std::min(blocks, (task + 1) * kBlocksPerTask);
+                for (size_t b = task * kBlocksPerTask; b < end; ++b) {
+                  ProjectBlock(splats, b, s.camera, s.settings, &s.projected);
+                }
+                const size_t last = std::min(splats.size(), end * kSplatBlock);
+                for (size_t i = task * kBlocksPerTask * kSplatBlock; i < last; ++i) {
+                  s.stats.visible[i] = !s.projected.boxes[i].empty();
+                }
+              });
 
-  image->channels = std::popcount(s.kept_channels);
-  alpha->channels = 1;
-  for (Planes* p : {image, alpha}) {
-    p->width = s.width;
-    p->height = s.height;
-    p->data.resize(p->channels * p->plane_size());
-  }
+  image->Reshape(kept, s.height, s.width);
+  alpha->Reshape(1, s.height, s.width);
   s.counters = {};
   const std::vector<TileRect> parts =
       settings.max_pairs == 0 ? std::vector<TileRect>{AllTiles(s.width, s.height)}
@@ -138,11 +123,11 @@ void Renderer::Forward(const Splats& splats, const Camera& camera, const RenderS
 
 void Renderer::Impl::DrawPart(const TileRect& part, const CancelToken* cancel, float* image,
                               float* alpha) {
-  Bin(projected, part, threads, &lists, &bin_scratch);
+  Bin(projected, part, settings.threads, &lists, &bin_scratch);
   const size_t tiles = part.size();
   reach.resize((lists.num_pairs() / kChunk + tiles) * kMaxTileBlocks);
   tile_evaluations.resize(tiles);
-  ParallelFor(threads, tiles, [&](size_t tile, int) {
+  ParallelFor(settings.threads, tiles, [&](size_t tile, int) {
     if (cancel && cancel->IsCancelled()) return;
     tile_evaluations[tile] = RasterizeTile(JobOf(tile), image, alpha);
   });
@@ -159,7 +144,7 @@ void Renderer::Impl::DrawPart(const TileRect& part, const CancelToken* cancel, f
 
 void Renderer::Impl::BackwardBlock(const Splats& splats, size_t block, BlockGradSink sink) {
   if (projected.visible[block] == 0) return;
-  const int stride = GradStride(projection.channels);
+  const int stride = GradStride(settings.num_channels);
   const size_t begin = block * kSplatBlock, end = std::min(splats.size(), begin + kSplatBlock);
   alignas(64) float sums[GradStride(kNumChannels) * kSplatBlock] = {};
   uint32_t visible = 0;
@@ -176,8 +161,8 @@ void Renderer::Impl::BackwardBlock(const Splats& splats, size_t block, BlockGrad
   }
   alignas(64) float grads[Splats::kBlockFloats] = {};
   alignas(64) float mean2d[2 * kSplatBlock];
-  ProjectBlockVjp(splats, block, camera, projection, sums, visible, grads, mean2d,
-                  wants_pose_grad ? &block_pose_grads[block] : nullptr);
+  ProjectBlockVjp(splats, block, camera, settings, sums, visible, grads, mean2d,
+                  settings.pose_grad ? &block_pose_grads[block] : nullptr);
   for (size_t i = begin; i < end; ++i) {
     const int lane = static_cast<int>(i - begin);
     const float x = mean2d[lane], y = mean2d[kSplatBlock + lane];
@@ -191,29 +176,31 @@ void Renderer::Backward(const Splats& splats, const Planes& v_image, const Plane
   Impl& s = *impl_;
   LITAGS_CHECK(splats.size() == s.projected.boxes.size());
   LITAGS_CHECK(s.has_vjp);
-  LITAGS_CHECK(v_image.channels == s.projection.channels && v_image.width == s.width &&
+  LITAGS_CHECK(v_image.channels == s.settings.num_channels && v_image.width == s.width &&
                v_image.height == s.height);
-  const int stride = GradStride(s.projection.channels);
+  const int stride = GradStride(s.settings.num_channels);
   ResizeScratch(s.lists.num_pairs() * stride, &s.pair_grads);
-  s.tile_scratch.resize(s.threads);
+  s.tile_scratch.resize(s.settings.threads);
   const size_t tiles = s.lists.tile_begin.size() - 1;
-  ParallelFor(s.threads, tiles, [&](size_t tile, int thread) {
+  ParallelFor(s.settings.threads, tiles, [&](size_t tile, int thread) {
     TileGradients gradients;
     gradients.v_image = v_image.data.data();
     gradients.v_alpha = v_alpha.empty() ? nullptr : v_alpha.data.data();
     gradients.slots = s.lists.slots.data() + s.lists.tile_begin[tile];
     gradients.pairs = s.pair_grads.data();
-    gradients.detached_channels = s.detached_channels;
+    gradients.detached_channels = s.settings.detached_channels;
     RasterizeTileVjp(s.JobOf(tile), gradients, &s.tile_scratch[thread]);
   });
 
   s.stats.grad_means2d.resize(splats.size());
   const size_t blocks = splats.num_blocks();
-  s.block_pose_grads.assign(s.wants_pose_grad ? blocks : 0, PoseVector());
-  ParallelFor(s.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask, [&](size_t task, int) {
-    const size_t end = std::min(blocks, (task + 1) * kBlocksPerTask);
-    for (size_t b = task * kBlocksPerTask; b < end; ++b) s.BackwardBlock(splats, b, sink);
-  });
+  s.block_pose_grads.assign(s.settings.pose_grad ? blocks : 0, PoseVector());
+  ParallelFor(s.settings.threads, (blocks + kBlocksPerTask - 1) / kBlocksPerTask,
+              [&](size_t task, int) {
+                const size_t end = std::min(blocks, (task + 1) * kBlocksPerTask);
+                for (size_t b = task * kBlocksPerTask; b < end; ++b)
+                  s.BackwardBlock(splats, b, sink);
+              });
   s.pose_grad = {};
   for (const PoseVector& part : s.block_pose_grads) {
     for (int k = 0; k < 6; ++k) s.pose_grad[k] += part[k];

@@ -143,10 +143,8 @@ class KernelBench {
     ProjectedSplats projected;
     projected.Resize(splats_.size(), kWithoutNoise);
     const KernelCamera camera(camera_);
-    const ProjectionSettings settings = {.channels = kWithoutNoise,
-                                         .pixel_filter = settings_.pixel_filter,
-                                         .dropout = {},
-                                         .lamp = {}};
+    RenderSettings settings = settings_;
+    settings.num_channels = kWithoutNoise;
     const size_t blocks = splats_.num_blocks();
     const Timing projection = Measure(args_.timing.repetitions, [&] {
       ParallelFor(threads, (blocks + 31) / 32, [&](size_t task, int) {
