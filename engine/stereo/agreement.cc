@@ -1,6 +1,7 @@
 #include "engine/stereo/agreement.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -19,16 +20,12 @@ constexpr int kFullViews = 2;
 // is not.
 double DepthRatio(const Transfer& t, const Surface& other, double x, double y,
                   double inverse_depth) {
-  double q[3];
-  for (int i = 0; i < 3; ++i) {
-    q[i] = t.ray[3 * i] * x + t.ray[3 * i + 1] * y + t.ray[3 * i + 2] + inverse_depth * t.shift[i];
-  }
+  const std::array<double, 3> q = t.Project(x, y, inverse_depth);
   if (!(q[2] > 0)) return 0;
   const double u = std::floor(q[0] / q[2]), v = std::floor(q[1] / q[2]);
   if (!(u >= 0 && v >= 0 && u < other.inverse_depth.width && v < other.inverse_depth.height)) {
     return 0;
   }
-  // q2 is depth in the other view over depth in this one.
   const double expected = q[2] / inverse_depth;
   const double seen = other.inverse_depth.at(0, static_cast<int>(v), static_cast<int>(u));
   return 1 / (seen * expected);

@@ -9,18 +9,14 @@
 #define HWY_TARGET_INCLUDE "engine/stereo/correlate.cc"
 #include "hwy/foreach_target.h"  // IWYU pragma: keep
 // After foreach_target.
-#include "hwy/highway.h"
+#include "engine/core/simd-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace litags {
 namespace HWY_NAMESPACE {
-namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr size_t kLanes = 16;  // rows of scratch are padded to whole vectors of any target
-using FloatTag = HWY_CAPPED(float, kLanes);
-using FloatVec = hn::Vec<FloatTag>;
-
-size_t Padded(size_t n) { return (n + kLanes - 1) / kLanes * kLanes; }
+// Rows of scratch are whole vectors of any target.
+size_t Padded(size_t n) { return (n + 15) / 16 * 16; }
 
 // One row of the source as the reference would see it: `warped` where the surface projects to
 // (bilinear, the border repeated), `seen` 1 or 0.
@@ -99,7 +95,6 @@ void CorrelateRow(const float* const* rows, const float* seen, const Correlation
   const int side = 2 * ref.radius + 1;
   const auto share = hn::Set(d, 1.0f / (side * side));
   const auto floor = hn::Set(d, noise2);
-  HWY_ALIGN float lanes[kLanes];
   for (int x = 0; x < width; x += static_cast<int>(hn::Lanes(d))) {
     auto sw = hn::Zero(d), sww = sw, swr = sw;
     for (int k = 0; k < side; ++k) {
@@ -115,10 +110,9 @@ void CorrelateRow(const float* const* rows, const float* seen, const Correlation
                              hn::Sqrt(hn::Add(variance, floor)));
     const auto result = hn::Mul(fit, hn::LoadU(d, seen + x));
     if (x + static_cast<int>(hn::Lanes(d)) <= width) {
-      hn::StoreU(result, d, zncc + x);
+      Store(d, result, zncc + x, AllLanes());
     } else {
-      hn::Store(result, d, lanes);
-      std::copy_n(lanes, width - x, zncc + x);
+      Store(d, result, zncc + x, size_t(width - x));
     }
   }
 }
@@ -204,6 +198,14 @@ CorrelationReference::CorrelationReference(const MatchImage& image_in, int radiu
       deviation[size_t(y) * w + x] = static_cast<float>(1 / std::sqrt(variance + noise2));
     }
   }
+}
+
+std::array<double, 3> Transfer::Project(double x, double y, double inverse_depth) const {
+  std::array<double, 3> q;
+  for (int i = 0; i < 3; ++i) {
+    q[i] = ray[3 * i] * x + ray[3 * i + 1] * y + ray[3 * i + 2] + inverse_depth * shift[i];
+  }
+  return q;
 }
 
 Transfer::Transfer(const Camera& r, const Camera& s) {

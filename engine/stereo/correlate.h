@@ -26,6 +26,9 @@ struct Transfer {
   std::array<float, 3> shift;  // K_s t
 
   Transfer(const Camera& reference, const Camera& source);
+
+  // q. Behind the source unless q2 > 0, which is depth there over depth in the reference.
+  std::array<double, 3> Project(double x, double y, double inverse_depth) const;
 };
 
 // Writes the correlation [h w] in [-1, 1] of the windows around every reference pixel with the

@@ -36,20 +36,9 @@ struct Labels {
 // How far, px, a point of the reference moves in the source between two inverse depths; 0 if the
 // source does not have it in front of it at both.
 double Travel(const Transfer& t, double x, double y, double from, double to) {
-  const auto project = [&](double inverse_depth, double* u, double* v) {
-    double q[3];
-    for (int i = 0; i < 3; ++i) {
-      q[i] =
-          t.ray[3 * i] * x + t.ray[3 * i + 1] * y + t.ray[3 * i + 2] + inverse_depth * t.shift[i];
-    }
-    if (!(q[2] > 0)) return false;
-    *u = q[0] / q[2];
-    *v = q[1] / q[2];
-    return true;
-  };
-  double u0, v0, u1, v1;
-  if (!project(from, &u0, &v0) || !project(to, &u1, &v1)) return 0;
-  return std::hypot(u1 - u0, v1 - v0);
+  const std::array<double, 3> p = t.Project(x, y, from), q = t.Project(x, y, to);
+  if (!(p[2] > 0 && q[2] > 0)) return 0;
+  return std::hypot(q[0] / q[2] - p[0] / p[2], q[1] / q[2] - p[1] / p[2]);
 }
 
 // The longest way of the middle and of the points halfway to the corners: where the camera moves
