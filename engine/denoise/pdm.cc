@@ -15,11 +15,6 @@ namespace {
 // True where the clamp to [0, 1] passes the gradient; `v` is the value before it.
 bool InsideClamp(float v) { return v >= 0.0f && v <= 1.0f; }
 
-template <class A, class B>
-bool SameSize(const A& a, const B& b) {
-  return a.channels == b.channels && a.height == b.height && a.width == b.width;
-}
-
 }  // namespace
 
 struct Pdm::Impl {

@@ -167,15 +167,11 @@ Planes AverageDown(const Planes& plane, int most_width, int most_height) {
 
 void ResizeDepth(const DepthMap& map, int width, int height, const PixelRect& crop, int threads,
                  DepthMap* out) {
-  const auto resize = [&](Planes* plane) {
-    if (plane->width == crop.width && plane->height == crop.height) return;
-    *plane = Planes(1, crop.height, crop.width);
-  };
-  resize(&out->depth);
+  out->depth.Reshape(1, crop.height, crop.width);
   if (map.confidence.empty()) {
     out->confidence = Planes();
   } else {
-    resize(&out->confidence);
+    out->confidence.Reshape(1, crop.height, crop.width);
   }
   const std::vector<Between> columns = Betweens(map.depth.width, width);
   const std::vector<Between> rows = Betweens(map.depth.height, height);
