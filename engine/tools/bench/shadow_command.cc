@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/color.h"
 #include "engine/core/error.h"
+#include "engine/core/quantile.h"
 #include "engine/core/rng.h"
 #include "engine/io/image_io.h"
 #include "engine/sample/sensor.h"
@@ -51,9 +52,7 @@ double Luma(const int16_t* rgb) {
 Errors Compare(const Photo& photo, const Photo& truth) {
   std::vector<double> lumas;
   for (size_t i = 0; i < truth.pixels(); ++i) lumas.push_back(Luma(&truth.data[3 * i]));
-  std::vector<double> sorted = lumas;
-  const auto median = sorted.begin() + sorted.size() / 2;
-  std::nth_element(sorted.begin(), median, sorted.end());
+  const double median = Median(lumas);
   double squares = 0, chroma = 0, dark = 0;
   for (size_t i = 0; i < truth.pixels(); ++i) {
     std::array<int16_t, 3> clipped;
@@ -61,7 +60,7 @@ Errors Compare(const Photo& photo, const Photo& truth) {
       clipped[c] = std::clamp<int16_t>(photo.data[3 * i + c], 0, kPhotoWhite);
       squares += std::pow((clipped[c] - truth.data[3 * i + c]) / double(kPhotoWhite), 2);
     }
-    if (lumas[i] > *median) continue;
+    if (lumas[i] > median) continue;
     const int16_t* want = &truth.data[3 * i];
     const double luma = Luma(clipped.data());
     const double cb = ((clipped[2] - luma) - (want[2] - lumas[i])) / 1.772;
