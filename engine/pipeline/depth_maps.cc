@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -181,17 +182,29 @@ absl::StatusOr<DepthOrigin> OriginFor(const Context& context,
   return DepthOrigin::kStereo;
 }
 
-// Spearman's: of the ranks of both numbers.
-double RankCorrelation(std::vector<std::array<double, 2>> pairs) {
-  const auto n = static_cast<double>(pairs.size());
-  for (size_t k = 0; k < 2; ++k) {
-    std::sort(pairs.begin(), pairs.end(),
-              [k](const auto& a, const auto& b) { return a[k] < b[k]; });
-    for (size_t i = 0; i < pairs.size(); ++i) pairs[i][k] = static_cast<double>(i);
+// Puts ranks in place of the k-th numbers, from the mean rank: those that are alike share one.
+void RankAroundMean(size_t k, std::vector<std::array<double, 2>>* pairs) {
+  const size_t n = pairs->size();
+  std::sort(pairs->begin(), pairs->end(),
+            [k](const auto& a, const auto& b) { return a[k] < b[k]; });
+  for (size_t begin = 0, end = 0; begin < n; begin = end) {
+    end = begin + 1;
+    while (end < n && (*pairs)[end][k] == (*pairs)[begin][k]) ++end;
+    const double rank = (static_cast<double>(begin + end) - static_cast<double>(n)) / 2;
+    for (size_t i = begin; i < end; ++i) (*pairs)[i][k] = rank;
   }
-  double squares = 0;
-  for (const auto& [a, b] : pairs) squares += (a - b) * (a - b);
-  return 1 - 6 * squares / (n * (n * n - 1));
+}
+
+// Spearman's: of the ranks of both numbers. 0 if all of one are alike.
+double RankCorrelation(std::vector<std::array<double, 2>> pairs) {
+  for (const size_t k : {0, 1}) RankAroundMean(k, &pairs);
+  double product = 0, first = 0, second = 0;
+  for (const auto& [a, b] : pairs) {
+    product += a * b;
+    first += a * a;
+    second += b * b;
+  }
+  return first > 0 && second > 0 ? product / std::sqrt(first * second) : 0;
 }
 
 // The loss would push things the wrong way.

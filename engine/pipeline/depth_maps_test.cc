@@ -235,6 +235,31 @@ TEST(DepthMaps, InverseDepthsAreRefused) {
   }
 }
 
+// As of a sensor that sees no farther: nearly all points have one depth, which tells no order.
+TEST(DepthMaps, DepthsClippedAtTheSensorsRangeAreTaken) {
+  RoomCapture room(6);
+  room.TrackPointsEverywhere();
+  std::vector<double> distances;
+  for (const SparsePoint& point : room.model.points) {
+    for (const TrackElement& e : point.track) {
+      distances.push_back(room.model.views[e.view].camera.CamFromWorld(point.xyz)[2]);
+    }
+  }
+  std::sort(distances.begin(), distances.end());
+  const auto range = static_cast<float>(distances[distances.size() / 100]);
+  ReconstructInput input = room.Input("work");
+  input.depth_dir = room.Path("maps");
+  std::filesystem::create_directory(input.depth_dir);
+  for (int i = 0; i < 6; ++i) {
+    Planes depth = room.Depth(i);
+    for (float& d : depth.data) d = std::min(d, range);
+    ASSERT_TRUE(WritePfm(input.depth_dir + "/" + Stem(room.Name(i)) + ".pfm", depth).ok());
+  }
+  const auto report = Train(input, room.Options(1));
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_TRUE(report->depth_used);
+}
+
 TEST(DepthMaps, ANetworkGivesMapsOfEveryPhoto) {
   const Photographs photos;
   ReconstructInput input = photos.Input("work");
