@@ -85,8 +85,9 @@ void Hide(const PlaneU8& other, PlaneU8* mask) {
 struct Output {
   fs::path dir, masks;
   RigViews rig_views;
-  std::vector<ViewOfPhoto> views;  // if cameras are given
-  std::vector<WidePhoto> cut;
+  std::vector<ViewOfPhoto> views;     // if cameras are given
+  std::vector<WidePhoto> cut;         // with the views that were made
+  std::vector<std::string> left_out;  // notes
 };
 
 // Writes the views of one photo. Their names by that of the cube's view.
@@ -132,18 +133,24 @@ absl::Status CutPhoto(const Source& source, const WidePhotos& wide, const WidePh
                       Output* out) {
   LITAGS_ASSIGN_OR_RETURN(const auto written,
                           WriteViews(source, photo, base, mask_path, threads, *out));
-  out->cut.push_back(photo);
+  if (written.empty()) {
+    out->left_out.push_back(absl::StrCat(photo.name, " is left out: its mask leaves less than ",
+                                         100 * kLeastLeft, " % of every view of it"));
+    return absl::OkStatus();
+  }
+  WidePhoto cut = photo;
+  std::erase_if(cut.views, [&](const CubeView& view) { return !written.contains(view.name); });
   const ImageInfo& info = source.info;
   const int side = photo.lens.view_side;
-  for (const CubeView& view : photo.views) {
-    const auto name = written.find(view.name);
-    if (name == written.end()) continue;
-    out->rig_views[name->second] = {photo.name, view.R,        side / 2.0,      info.exposure_time,
-                                    info.iso,   info.f_number, info.chroma_step};
+  for (const CubeView& view : cut.views) {
+    const std::string& name = written.at(view.name);
+    out->rig_views[name] = {photo.name, view.R,        side / 2.0,      info.exposure_time,
+                            info.iso,   info.f_number, info.chroma_step};
     if (photo.camera < 0) continue;
     const Camera& camera = wide.cameras.views[photo.camera].camera;
-    out->views.push_back({{name->second, TurnedView(camera, view, side)}, photo.camera});
+    out->views.push_back({{name, TurnedView(camera, view, side)}, photo.camera});
   }
+  out->cut.push_back(std::move(cut));
   return absl::OkStatus();
 }
 
@@ -202,7 +209,7 @@ absl::StatusOr<ReconstructInput> WithViewsOfWidePhotos(
     result.cameras_path = cameras;
     result.cameras_are_upright = true;
   }
-  for (const auto& lines : {list->notes, wide.notes, DescribeWidePhotos(out.cut)}) {
+  for (const auto& lines : {list->notes, wide.notes, out.left_out, DescribeWidePhotos(out.cut)}) {
     notes->insert(notes->end(), lines.begin(), lines.end());
   }
   return result;

@@ -242,6 +242,20 @@ TEST_F(WideViews, OfWhichAMaskLeavesNothingAreNotMade) {
   ASSERT_TRUE(cut.ok()) << cut.status();
   EXPECT_FALSE(cut->rig_views.contains("a_down.png"));
   EXPECT_TRUE(cut->rig_views.contains("a_front.png"));
+  EXPECT_THAT(notes_, Contains(HasSubstr("a.png is a panorama: 5 views")));
+  EXPECT_THAT(notes_, Contains(HasSubstr("such as d.png: 6 views of each")));
+}
+
+TEST_F(WideViews, OfAPanoramaThatAMaskHidesNearlyAllOfAreNotMade) {
+  ImageU8 spot(256, 128);
+  std::fill_n(spot.pixel(128, 64), 3 * 4, 255);
+  Write("photos/a_mask.png", spot);
+  const auto cut = Cut();
+  ASSERT_TRUE(cut.ok()) << cut.status();
+  EXPECT_EQ(cut->rig_views.size(), 2u * 6);
+  EXPECT_THAT(notes_,
+              ElementsAre(HasSubstr("among the photos"), HasSubstr("a.png is left out: its mask"),
+                          HasSubstr("2 photos are panoramas")));
 }
 
 // What phones write of a strip around the horizon.
