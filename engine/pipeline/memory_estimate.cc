@@ -75,10 +75,6 @@ int ThreadsOf(const ReconstructOptions& options) {
   return options.threads > 0 ? options.threads : DefaultThreadCount();
 }
 
-bool UsesStereo(const Recipe& recipe, DepthOrigin source) {
-  return recipe.dense_start || (recipe.lita && recipe.use_depth && source == DepthOrigin::kStereo);
-}
-
 std::string GiB(int64_t bytes) { return absl::StrFormat("%.1f GiB", bytes / double(1 << 30)); }
 
 // What fits into `bytes`: fewer threads, which cost time alone; else smaller photos; else both.
@@ -137,6 +133,7 @@ PhotoMaps MapsOf(absl::Span<const ScreenedPhoto> photos, const ReconstructInput&
       break;
     }
     case DepthOrigin::kStereo: {
+      maps.stereo = true;
       const int most = StereoPhotos(recipe, options);
       for (const size_t i : SpreadIndices(photos.size(), most > 0 ? most : photos.size())) {
         const auto [width, height] =
@@ -180,7 +177,7 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
   const double reading = kPhotoPixel * all + kDecodePixel * largest_file * at_once;
   const double targets = capture ? kTargetPixel * largest * at_once : 0;
   const double stereo =
-      UsesStereo(recipe, options.depth_source)
+      recipe.dense_start || maps.stereo
           ? std::min<double>(at_once, kStereoViews) * std::min(kStereoView, kStereoPixel * largest)
           : 0;
   double training = kTrainPixel * largest;

@@ -42,6 +42,7 @@ struct PhotoMaps {
   // map is kept at its own size if that is smaller than the photo's.
   std::map<std::string, int64_t> depth;
   bool has_confidence = true;  // each pixel of depth has one
+  bool stereo = false;         // makes them
 };
 
 // `masks`: the photos have some. Reads how large depth maps are.

@@ -139,9 +139,17 @@ TEST(MemoryEstimate, CountsStereoOfSeveralViews) {
   EXPECT_EQ(EstimateMemory(photos, options, 8, {}).work, 480000000);
   EXPECT_EQ(EstimateMemory(photos, options, 64, {}).work, 480000000) << "eight at once at most";
   options.recipe->dense_start = false;
-  EXPECT_LT(EstimateMemory(photos, options, 8, {}).work, 480000000);
-  options.depth_source = DepthOrigin::kStereo;
-  EXPECT_EQ(EstimateMemory(photos, options, 8, {}).work, 480000000);
+  const auto work = [&](DepthOrigin source) {
+    options.depth_source = source;
+    const PhotoMaps maps = MapsOf(photos, ReconstructInput(), options, /*masks=*/false);
+    return EstimateMemory(photos, options, 8, maps).work;
+  };
+  EXPECT_LT(work(DepthOrigin::kNone), 480000000);
+  EXPECT_EQ(work(DepthOrigin::kStereo), 480000000);
+  EXPECT_EQ(work(DepthOrigin::kAuto), 480000000) << "without maps it is stereo";
+  options.recipe = LitagsPaper();
+  EXPECT_EQ(work(DepthOrigin::kAuto), work(DepthOrigin::kStereo));
+  EXPECT_GT(work(DepthOrigin::kAuto), work(DepthOrigin::kNone));
 }
 
 TEST(MemoryEstimate, CountsTheTargetsThatThreadsMakeAtOnce) {
