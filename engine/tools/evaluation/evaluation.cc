@@ -15,6 +15,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/capture_targets.h"
+#include "engine/target/tone.h"
 
 namespace litags {
 
@@ -193,15 +194,15 @@ absl::StatusOr<Scores> ScorePhotos(const std::string& photos_dir,
                                    const std::vector<TestView>& views, const std::string& truth_dir,
                                    const ReconstructOptions& options,
                                    std::vector<std::string>* black) {
+  const Tone rule = options.ResolveRecipe().tone.rule;
   std::vector<const TestView*> found;
   std::vector<Photo> photos;
   for (const TestView& view : views) {
     absl::StatusOr<Photo> photo = LoadPhoto(photos_dir, view);
     if (absl::IsNotFound(photo.status())) continue;
     LITAGS_RETURN_IF_ERROR(photo.status());
-    if (std::all_of(photo->data.begin(), photo->data.end(),
-                    [](int16_t sample) { return sample < kPhotoCode / 2; })) {
-      black->push_back(view.view.name);  // no gain brightens it
+    if (IsBlack(*photo, PlaneU8(), rule)) {
+      black->push_back(view.view.name);
       continue;
     }
     found.push_back(&view);

@@ -80,8 +80,8 @@ absl::StatusOr<std::optional<DepthScores>> ScoreDepth(const Scene& scene,
                                                       const std::string& depth_dir, int threads);
 
 // What any method has to beat: the badly lit photos of the same views, each brightened by the
-// tone rule that training uses. All-black ones cannot be: they are left out, and added to `black`
-// by name.
+// tone rule that training uses. Black ones cannot be (IsBlack): they are left out, and added to
+// `black` by name.
 absl::StatusOr<Scores> ScorePhotos(const std::string& photos_dir,
                                    const std::vector<TestView>& views, const std::string& truth_dir,
                                    const ReconstructOptions& options,

@@ -232,6 +232,27 @@ TEST_F(EvaluationTest, PhotosAreScoredAfterTheToneRule) {
   EXPECT_LT(score({view})->psnr, 30);
 }
 
+// Of 16 bits, with light below half a code of 8: training takes it.
+TEST_F(EvaluationTest, APhotoBelowHalfACodeIsBrightened) {
+  Photo faint(32, 24);
+  for (size_t i = 0; i < faint.data.size(); ++i) {
+    faint.data[i] = static_cast<int16_t>((i % 5 == 0 ? 0.4f : 0.1f) * kPhotoCode);
+  }
+  ASSERT_TRUE(WriteFileAtomically(dir_ + "/photos/a.png", EncodePng16(faint, 16).value()).ok());
+  ASSERT_TRUE(WritePng(dir_ + "/truth/a.png", Ramp(0)).ok());
+  ReconstructOptions options;
+  options.tone = Tone::kCapture;
+  std::vector<std::string> black;
+  const auto score = [&] {
+    return ScorePhotos(dir_ + "/photos", {Named("a.png")}, dir_ + "/truth", options, &black);
+  };
+  EXPECT_TRUE(score().ok());
+  EXPECT_THAT(black, testing::IsEmpty());
+  options.tone = Tone::kPaper;  // its targets are of 8-bit codes
+  EXPECT_TRUE(absl::IsNotFound(score().status()));
+  EXPECT_THAT(black, testing::ElementsAre("a.png"));
+}
+
 // Sees the same distance everywhere.
 class FlatScene : public Scene {
  public:
