@@ -56,6 +56,7 @@ class RealEngine : public Engine {
     // Of a run that was killed while it wrote.
     RemoveStaleTempFiles(given.work_dir);
     RemoveStaleTempFiles(given.work_dir + "/cameras");
+    RemoveStaleTempFiles(given.work_dir + "/found_masks");
     RemoveStaleTempFiles(SolvedFisheyes(given));
     ReconstructReport report;
     const auto progress = [&](Stage stage, const std::string& message) {

@@ -48,12 +48,12 @@ absl::Status CheckOutside(const std::string& work_dir, absl::Span<const absl::st
 }
 
 absl::Status CheckInputsOutside(const ReconstructInput& input) {
-  std::vector<absl::string_view> cleared = {
+  std::vector<absl::string_view> written = {
       "photos", "found_masks", "sfm", "wide_views", "wide_views_2", "cameras", "solved_fisheyes"};
-  if (!input.video_path.empty()) cleared.push_back("frames");
+  if (!input.video_path.empty()) written.push_back("frames");
   const std::string inputs[] = {input.images_dir, input.video_path, input.cameras_path,
                                 input.depth_dir, input.masks_dir};
-  return CheckOutside(input.work_dir, cleared, inputs);
+  return CheckOutside(input.work_dir, written, inputs);
 }
 
 absl::StatusOr<FolderLock> LockWorkDir(const std::string& work_dir) {

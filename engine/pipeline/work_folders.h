@@ -1,5 +1,5 @@
-// A run clears and fills folders in its work_dir: what the user gave must not lie there, and no
-// other run may be in it.
+// A run writes into folders in its work_dir, and clears most of them before: what the user gave
+// must not lie there, and no other run may be in it.
 #ifndef LITAGS_ENGINE_PIPELINE_WORK_FOLDERS_H_
 #define LITAGS_ENGINE_PIPELINE_WORK_FOLDERS_H_
 
@@ -21,7 +21,7 @@ namespace litags {
 absl::Status CheckOutside(const std::string& work_dir, absl::Span<const absl::string_view> folders,
                           absl::Span<const std::string> inputs);
 
-// The same of all that a run reads and all that it clears.
+// The same of all that a run reads and all folders that it writes into.
 absl::Status CheckInputsOutside(const ReconstructInput& input);
 
 // Holds the lock of a folder. It leaves no file there, ends with the process, and is no child's.

@@ -14,7 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-TEST(WorkFolders, AnInputInAFolderThatARunClearsIsRefused) {
+TEST(WorkFolders, AnInputInAFolderThatARunWritesIntoIsRefused) {
   const TempDir dir;
   const std::string work = dir.path() + "/capture";
   fs::create_directories(work + "/photos/masks");
@@ -69,6 +69,20 @@ TEST(WorkFolders, ARunLeavesThePhotosBesideItsOutputAlone) {
   EXPECT_EQ(Reason(status), "INPUT_IN_WORK_DIR");
   EXPECT_THAT(std::string(status.message()), HasSubstr("/photos"));
   EXPECT_TRUE(fs::is_regular_file(capture.Path("photos/v003 (1).png")));
+}
+
+TEST(WorkFolders, WhatAKilledRunWasWritingIsDeleted) {
+  const RoomCapture capture(6);
+  ReconstructInput input = capture.Input("work");
+  std::vector<std::string> halves;
+  for (const char* folder : {".", "cameras", "found_masks", "solved_fisheyes"}) {
+    fs::create_directory(fs::path(input.work_dir) / folder);
+    halves.push_back(fs::path(input.work_dir) / folder / ".1-0.litags-tmp");
+    ASSERT_TRUE(WriteFileAtomically(halves.back(), "half").ok());
+  }
+  input.memory_bytes = 1;  // ends it early
+  EXPECT_EQ(Reason(Train(input, capture.Options(10)).status()), "MEMORY_EXCEEDED");
+  for (const std::string& half : halves) EXPECT_FALSE(fs::exists(half)) << half;
 }
 
 }  // namespace
