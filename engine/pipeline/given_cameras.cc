@@ -117,15 +117,6 @@ void TurnClockwise(Camera* camera, Distortion* distortion) {
   distortion->p2 = -p1;
 }
 
-// Where the marks of a view's points lie after TurnClockwise of a picture of this height.
-void TurnTracksClockwise(int view, int height, std::vector<SparsePoint>* points) {
-  for (SparsePoint& point : *points) {
-    for (TrackElement& e : point.track) {
-      if (e.view == view) e = {view, height - e.y, e.x};
-    }
-  }
-}
-
 // Turns a camera that is of the photo as stored upright, and returns by how many turns clockwise.
 absl::StatusOr<int> TurnUpright(const std::string& name, const ImageInfo& photo, bool has_own_size,
                                 Camera* camera, Distortion* distortion) {
@@ -149,13 +140,23 @@ absl::StatusOr<int> TurnUpright(const std::string& name, const ImageInfo& photo,
   return turns;
 }
 
-// Of the marks of points in each view: by how much x and y change.
-void ScaleTracks(const std::vector<std::array<double, 2>>& scales,
-                 std::vector<SparsePoint>* points) {
+// What becomes of the marks of points in a view: TurnClockwise, then another scale.
+struct MarkChange {
+  int turns = 0;
+  int width = 0, height = 0;  // of the picture that they are in before
+  std::array<double, 2> scale = {1, 1};
+};
+
+// `changes`: of each view.
+void ChangeTracks(const std::vector<MarkChange>& changes, std::vector<SparsePoint>* points) {
   for (SparsePoint& point : *points) {
     for (TrackElement& e : point.track) {
-      e.x *= scales[e.view][0];
-      e.y *= scales[e.view][1];
+      const MarkChange& change = changes[e.view];
+      for (int turn = 0; turn < change.turns; ++turn) {
+        e = {e.view, (turn % 2 == 0 ? change.height : change.width) - e.y, e.x};
+      }
+      e.x *= change.scale[0];
+      e.y *= change.scale[1];
     }
   }
 }
@@ -166,30 +167,29 @@ absl::Status FitToPhotos(const ReconstructInput& input, const std::set<std::stri
                          SparseModel* model, std::vector<std::string>* notes) {
   int turned = 0, scaled = 0;
   std::string some_scaled;
-  std::vector<std::array<double, 2>> scales(model->views.size(), {1, 1});
+  std::vector<MarkChange> changes(model->views.size());
   for (size_t i = 0; i < model->views.size(); ++i) {
     View& view = model->views[i];
     const std::string field = absl::StrCat("images[", view.name, "]");
     LITAGS_ASSIGN_OR_RETURN(ImageInfo info, ReadImageSize(PhotoPath(input, view.name), field));
     if (input.cameras_are_upright) info.orientation = 1;
     int width = view.camera.width, height = view.camera.height;
-    LITAGS_ASSIGN_OR_RETURN(const int turns,
-                            FitToPhoto(view.name, info, !unsized.contains(view.name), &view.camera,
-                                       &model->distortions[i]));
-    for (int turn = 0; turn < turns; ++turn) {
-      TurnTracksClockwise(static_cast<int>(i), height, &model->points);
-      std::swap(width, height);
-    }
-    turned += turns > 0;
+    MarkChange& change = changes[i];
+    change.width = width;
+    change.height = height;
+    LITAGS_ASSIGN_OR_RETURN(change.turns, FitToPhoto(view.name, info, !unsized.contains(view.name),
+                                                     &view.camera, &model->distortions[i]));
+    if (change.turns % 2 == 1) std::swap(width, height);
+    turned += change.turns > 0;
     if (info.width == width && info.height == height) continue;
     if (++scaled == 1) {
       some_scaled = absl::StrCat(width, "x", height, " px for ", view.name, " of ", info.width, "x",
                                  info.height);
     }
-    scales[i] = {double(info.width) / width, double(info.height) / height};
+    change.scale = {double(info.width) / width, double(info.height) / height};
   }
+  if (turned + scaled > 0) ChangeTracks(changes, &model->points);
   if (scaled > 0) {
-    ScaleTracks(scales, &model->points);
     notes->push_back(absl::StrCat(scaled, " of ", model->views.size(),
                                   " cameras are of photos of another size, such as ", some_scaled,
                                   ", and were scaled: if they are of undistorted or cut photos, "
