@@ -41,27 +41,22 @@ std::string Dump(const Json& json) {
   return json.dump(1, ' ', false, Json::error_handler_t::replace);
 }
 
-// What cannot be read is left to those who need it to complain about.
-void AddFile(const std::string& path, int64_t max_bytes, Fingerprint* f) {
-  const auto bytes = ReadFile(path, "", max_bytes);
-  if (bytes.ok()) f->Add(bytes->data(), bytes->size());
-}
-
 // Of the files that ReadCameras reads.
 std::string FingerprintOfCameras(const std::string& path) {
   Fingerprint f;
   for (const char* name : {"", "/cameras.bin", "/images.bin", "/points3D.bin", "/cameras.txt",
                            "/images.txt", "/points3D.txt"}) {
     std::error_code ignored;
-    if (fs::is_regular_file(path + name, ignored)) AddFile(path + name, kMaxModelFileBytes, &f);
+    if (!fs::is_regular_file(path + name, ignored)) continue;
+    f.AddFileIfReadable(path + name, kMaxModelFileBytes);
   }
-  if (path.ends_with(".out")) AddFile(BundlerListOf(path), kMaxModelFileBytes, &f);
+  if (path.ends_with(".out")) f.AddFileIfReadable(BundlerListOf(path), kMaxModelFileBytes);
   return f.Text();
 }
 
 std::string FingerprintOfPhoto(const std::string& path) {
   Fingerprint f;
-  AddFile(path, ImageLimits().max_bytes, &f);
+  f.AddFileIfReadable(path, ImageLimits().max_bytes);
   return f.Text();
 }
 
@@ -69,7 +64,7 @@ std::string FingerprintOfMasks(const MaskPaths& masks) {
   Fingerprint f;
   for (const auto& [photo, path] : masks) {
     f.Add(photo.data(), photo.size());
-    AddFile(path, ImageLimits().max_bytes, &f);
+    f.AddFileIfReadable(path, ImageLimits().max_bytes);
   }
   return f.Text();
 }

@@ -22,7 +22,6 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
-#include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/photo_place.h"
 #include "engine/stereo/stereo.h"
 
@@ -87,17 +86,8 @@ absl::StatusOr<std::string> KeyOf(DepthOrigin origin, const DepthNetwork& networ
                                   const std::string& key) {
   if (origin == DepthOrigin::kStereo)
     return absl::StrCat(photos == 0 ? "stereo " : absl::StrCat("stereo of ", photos, " "), key);
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes,
-                          ReadFile(network.path, "depth_model", kMaxModelBytes));
   Fingerprint f;
-  f.Add(bytes.data(), bytes.size());
-  f.Add(network.width);
-  f.Add(network.height);
-  for (int c = 0; c < 3; ++c) {
-    f.Add(network.mean[c]);
-    f.Add(network.std[c]);
-  }
-  f.Add(network.inverse);
+  LITAGS_RETURN_IF_ERROR(AddNetwork(network, &f));
   return absl::StrCat("network ", f.Text(), " ", key);
 }
 
@@ -257,8 +247,6 @@ void ForgetMasked(const PlaneU8& mask, DepthMap* map) {
   ForMasked(small, [&](size_t i) { map->depth.data[i] = map->confidence.data[i] = 0; });
 }
 
-}  // namespace
-
 std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
                                           absl::Span<const int> point_views) {
   std::vector<SparsePoint> out(points.begin(), points.end());
@@ -269,6 +257,8 @@ std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
   }
   return out;
 }
+
+}  // namespace
 
 std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
                                      absl::Span<const int> point_views, int most) {
@@ -334,6 +324,16 @@ absl::Status CheckDepthSource(const Context& context) {
                         "options.depth_source: a network was asked for and this installation "
                         "has none (--depth-model); choose another source");
   }
+  return absl::OkStatus();
+}
+
+absl::Status AddNetwork(const DepthNetwork& network, Fingerprint* f) {
+  LITAGS_RETURN_IF_ERROR(f->AddFile(network.path, "depth_model", kMaxModelBytes));
+  f->Add(network.width);
+  f->Add(network.height);
+  f->Add(network.mean);
+  f->Add(network.std);
+  f->Add(network.inverse);
   return absl::OkStatus();
 }
 

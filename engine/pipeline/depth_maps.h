@@ -11,15 +11,12 @@
 #include "engine/depth/depth_provider.h"
 #include "engine/io/sparse_model.h"
 #include "engine/pipeline/context.h"
+#include "engine/pipeline/fingerprint.h"
 
 namespace litags {
 
-// The points with the tracks of the training photos alone, as indices into TrainSet::train.
-std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
-                                          absl::Span<const int> point_views);
-
-// The same with the tracks of at most `most` photos, spread over all (0: all): stereo gives no map
-// to the others.
+// The points with the tracks of the training photos alone, as indices into TrainSet::train: of
+// `most` of them, spread over all (0: all). Stereo gives no map to the others.
 std::vector<SparsePoint> PointsOfFew(absl::Span<const SparsePoint> points,
                                      absl::Span<const int> point_views, int most);
 
@@ -42,6 +39,9 @@ absl::Status CheckMapsFit(const ReconstructInput& input);
 // If the source has nothing to work with, before the cameras are searched for: INVALID_ARGUMENT
 // (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING), errors of CheckMapsFit.
 absl::Status CheckDepthSource(const Context& context);
+
+// What tells a network from another. Errors of its file.
+absl::Status AddNetwork(const DepthNetwork& network, Fingerprint* f);
 
 using DepthMaps = std::vector<std::optional<DepthMap>>;
 

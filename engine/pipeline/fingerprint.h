@@ -4,8 +4,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <type_traits>
 
+#include "absl/status/status.h"
 #include "absl/strings/str_format.h"
 
 namespace litags {
@@ -22,6 +24,12 @@ class Fingerprint {
   void Add(const T& value) {
     static_assert(std::is_trivially_copyable_v<T>);
     Add(&value, sizeof(value));
+  }
+  // The bytes of a file. Errors of ReadFile.
+  absl::Status AddFile(const std::string& path, std::string_view field, int64_t max_bytes);
+  // Nothing of a file that cannot be read: who needs it says why.
+  void AddFileIfReadable(const std::string& path, int64_t max_bytes) {
+    AddFile(path, "", max_bytes).IgnoreError();
   }
   std::string Text() const { return absl::StrFormat("%016x", hash_); }
 

@@ -114,22 +114,16 @@ absl::Status MaskRim(const Distortion& distortion, OnePhoto* v) {
   return absl::OkStatus();
 }
 
-// Of the file's bytes: what decoders and filters make of them may differ in the last bits from
-// processor to processor.
-absl::Status AddFile(const ReconstructInput& input, const std::string& name, Fingerprint* f) {
-  LITAGS_ASSIGN_OR_RETURN(
-      const std::string bytes,
-      ReadFile(PhotoPath(input, name), PhotoField(name), ImageLimits().max_bytes));
-  f->Add(bytes.data(), bytes.size());
-  return absl::OkStatus();
-}
-
 // Photo and mask as their pinhole camera sees them.
 absl::Status LoadPhoto(const ReconstructInput& input, const MaskPaths& masks,
                        const Distortion& distortion, OnePhoto* v) {
+  const std::string& name = v->view.name;
+  // Of the file's bytes: what decoders and filters make of them may differ in the last bits from
+  // processor to processor.
   Fingerprint source;
-  LITAGS_RETURN_IF_ERROR(AddFile(input, v->view.name, &source));
-  LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadInputPhoto(input, v->view.name, masks));
+  LITAGS_RETURN_IF_ERROR(
+      source.AddFile(PhotoPath(input, name), PhotoField(name), ImageLimits().max_bytes));
+  LITAGS_ASSIGN_OR_RETURN(MaskedPhoto read, ReadInputPhoto(input, name, masks));
   source.Add(read.mask.data.data(), read.mask.data.size());
   v->source = source.Text();
   v->stated_exposure = StatedExposure(read.info);

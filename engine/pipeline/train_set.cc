@@ -11,6 +11,7 @@
 #include "engine/core/mask.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
 #include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/capture_targets.h"
 #include "engine/pipeline/dense_start.h"
@@ -122,26 +123,17 @@ std::string FingerprintOfPhotos(const Context& context, const PosedPhotos& posed
   return f.Text();
 }
 
-// What cannot be read made no depth.
-void AddFile(const std::string& path, Fingerprint* f) {
-  const auto bytes = ReadFile(path, "", int64_t{4} << 30);
-  if (bytes.ok()) f->Add(bytes->data(), bytes->size());
-}
-
-// The files that depth is made from, if it is not by stereo. Not the maps, as above.
+// The files that depth is made from, if it is not by stereo. Not the maps, as above. What cannot be
+// read made no depth.
 void AddDepthFiles(const ReconstructInput& input, DepthOrigin depth,
                    const std::vector<TrainView>& train, Fingerprint* f) {
   if (depth == DepthOrigin::kMaps) {
-    for (const TrainView& v : train) AddFile(FindDepthMap(input.depth_dir, Stem(v.view.name)), f);
+    for (const TrainView& v : train) {
+      const std::string map = FindDepthMap(input.depth_dir, Stem(v.view.name));
+      f->AddFileIfReadable(map, ImageLimits().max_bytes);
+    }
   }
-  if (depth != DepthOrigin::kNetwork) return;
-  const DepthNetwork& network = input.depth_network;
-  AddFile(network.path, f);
-  f->Add(network.width);
-  f->Add(network.height);
-  f->Add(network.mean);
-  f->Add(network.std);
-  f->Add(network.inverse);
+  if (depth == DepthOrigin::kNetwork) AddNetwork(input.depth_network, f).IgnoreError();
 }
 
 std::string MakeFingerprint(const Context& context, const std::string& inputs,

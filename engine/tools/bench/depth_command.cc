@@ -2,12 +2,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "CLI/App.hpp"
@@ -25,6 +25,8 @@
 #include "engine/tools/bench/command_options.h"
 #include "engine/tools/bench/commands.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
+#include "engine/tools/evaluation/process_usage.h"
+#include "engine/tools/evaluation/true_depth.h"
 
 namespace litags {
 namespace {
@@ -36,9 +38,6 @@ struct DepthArguments {
   StereoOptions stereo;
   std::string against, out, json;
 };
-
-// Of all threads of this process.
-double CpuSeconds() { return double(std::clock()) / CLOCKS_PER_SEC; }
 
 using Maps = std::vector<std::optional<DepthMap>>;
 
@@ -97,21 +96,13 @@ absl::StatusOr<std::vector<Photo>> ReadPhotos(const std::string& dir,
   return photos;
 }
 
-// SCENE/depth/STEM.pfm, which has the camera's size.
-absl::StatusOr<Planes> ReadTruth(const std::string& scene, const std::string& stem,
-                                 const Camera& camera) {
-  const std::string path = FindDepthMap(scene + "/depth", stem);
-  if (path.empty()) {
-    return InvalidInput("NO_TRUTH", "--against",
-                        absl::StrCat(scene, "/depth has no map of ", stem,
-                                     "; make the scene with litags-sample --truth, or compare "
-                                     "with other light by --against high"));
-  }
-  LITAGS_ASSIGN_OR_RETURN(Planes depth, ReadDepthMap(path, stem));
-  if (depth.width != camera.width || depth.height != camera.height) {
-    return InvalidInput("SIZE_MISMATCH", stem, absl::StrCat(path, " has another size"));
-  }
-  return depth;
+absl::StatusOr<Planes> ReadTruth(const std::string& scene, const View& view) {
+  LITAGS_ASSIGN_OR_RETURN(std::optional<Planes> depth, ReadTrueDepth(scene + "/depth", view));
+  if (depth.has_value()) return *std::move(depth);
+  return InvalidInput("NO_TRUTH", "--against",
+                      absl::StrCat(scene, "/depth has no map of ", Stem(view.name),
+                                   "; make the scene with litags-sample --truth, or compare with "
+                                   "other light by --against high"));
 }
 
 absl::Status MeasureDepth(DepthArguments args) {
@@ -127,7 +118,8 @@ absl::Status MeasureDepth(DepthArguments args) {
       input, options, never, [](Stage, const std::string&) {}, &report);
   LITAGS_ASSIGN_OR_RETURN(const TrainSet capture, MakeTrainSet(context, "colmap"));
   const std::vector<TrainView>& views = capture.train;
-  const std::vector<SparsePoint> points = PointsOfTraining(capture.points, capture.point_views);
+  const std::vector<SparsePoint> points =
+      PointsOfFew(capture.points, capture.point_views, /*most=*/0);
   std::vector<Photo> photos;
   for (const TrainView& v : views) photos.push_back(v.photo);
   double cpu = 0;
@@ -146,7 +138,7 @@ absl::Status MeasureDepth(DepthArguments args) {
     const std::string stem = Stem(views[i].view.name);
     Planes reference;
     if (args.against.empty()) {
-      LITAGS_ASSIGN_OR_RETURN(reference, ReadTruth(args.scene.dir, stem, camera));
+      LITAGS_ASSIGN_OR_RETURN(reference, ReadTruth(args.scene.dir, views[i].view));
     } else {
       reference = others[i].has_value() ? others[i]->depth : Planes(1, camera.height, camera.width);
     }

@@ -11,11 +11,11 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/eval/metrics.h"
-#include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/capture_targets.h"
 #include "engine/target/tone.h"
+#include "engine/tools/evaluation/true_depth.h"
 
 namespace litags {
 
@@ -155,18 +155,15 @@ absl::StatusOr<std::optional<DepthScores>> ScoreDepth(const Scene& scene,
                                                       const std::string& depth_dir, int threads) {
   DepthScores scores;
   for (const TestView& view : views) {
-    const std::string path = FindDepthMap(depth_dir, Stem(view.view.name));
-    if (path.empty() || !view.distortion.IsZero()) continue;
-    LITAGS_ASSIGN_OR_RETURN(const Planes truth, ReadDepthMap(path, path));
+    if (!view.distortion.IsZero()) continue;
+    LITAGS_ASSIGN_OR_RETURN(const std::optional<Planes> read, ReadTrueDepth(depth_dir, view.view));
+    if (!read.has_value()) continue;
+    const Planes& truth = *read;
     RenderRequest request;
     request.camera = view.view.camera;
     request.channel = Channel::kDepth;
     request.threads = threads;
     LITAGS_ASSIGN_OR_RETURN(const Planes depth, scene.Render(request));
-    if (truth.width != depth.width || truth.height != depth.height) {
-      return InvalidInput("SIZE_MISMATCH", path,
-                          absl::StrCat(path, " is not of the size of ", view.view.name));
-    }
     double known = 0, near_2 = 0, near_10 = 0, far_20 = 0;
     for (size_t i = 0; i < truth.data.size(); ++i) {
       if (!(truth.data[i] > 0)) continue;

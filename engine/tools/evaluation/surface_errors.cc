@@ -8,9 +8,9 @@
 #include "engine/core/error.h"
 #include "engine/core/image.h"
 #include "engine/core/quantile.h"
-#include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/tools/evaluation/surface_distance.h"
+#include "engine/tools/evaluation/true_depth.h"
 
 namespace litags {
 namespace {
@@ -18,20 +18,11 @@ namespace {
 constexpr float kEdge = 0.05f;  // of the depth. Choice: as of the pictures that meshes are made of
 
 absl::StatusOr<Planes> ReadTruth(const View& view, const std::string& dir) {
-  const std::string stem = Stem(view.name), path = FindDepthMap(dir, stem);
-  if (path.empty()) {
-    return InvalidInput("NO_TRUTH", "truth",
-                        absl::StrCat(dir, " has no depth map of ", stem,
-                                     "; give the folder depth/ of litags-sample --truth"));
-  }
-  LITAGS_ASSIGN_OR_RETURN(Planes depth, ReadDepthMap(path, stem));
-  if (depth.width != view.camera.width || depth.height != view.camera.height) {
-    return InvalidInput(
-        "SIZE_MISMATCH", "truth",
-        absl::StrCat(path, " is ", depth.width, "x", depth.height, ", the scene's view ",
-                     view.camera.width, "x", view.camera.height, "; train at the maps' size"));
-  }
-  return depth;
+  LITAGS_ASSIGN_OR_RETURN(std::optional<Planes> depth, ReadTrueDepth(dir, view));
+  if (depth.has_value()) return *std::move(depth);
+  return InvalidInput("NO_TRUTH", "truth",
+                      absl::StrCat(dir, " has no depth map of ", Stem(view.name),
+                                   "; give the folder depth/ of litags-sample --truth"));
 }
 
 void AddMap(const Camera& camera, const Planes& depth, TrueSurface* truth) {

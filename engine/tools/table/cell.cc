@@ -15,23 +15,17 @@ namespace {
 constexpr int64_t kMaxRowBytes = int64_t{16} << 20;
 constexpr int64_t kMaxFileBytes = int64_t{2} << 30;
 
-// Of a file's bytes; of nothing if it cannot be read, which whoever needs it will report.
-void AddFile(const std::string& path, Fingerprint* f) {
-  const auto bytes = ReadFile(path, path, kMaxFileBytes);
-  if (bytes.ok()) f->Add(bytes->data(), bytes->size());
-}
-
 // Of the names and bytes of photos.
 void AddPhotos(const std::string& dir, const std::vector<std::string>& photos, Fingerprint* f) {
   for (const std::string& photo : photos) {
     f->Add(photo.data(), photo.size());
-    AddFile(absl::StrCat(dir, "/", photo), f);
+    f->AddFileIfReadable(absl::StrCat(dir, "/", photo), kMaxFileBytes);
   }
 }
 
 std::string FileKey(const std::string& path) {
   Fingerprint f;
-  AddFile(path, &f);
+  f.AddFileIfReadable(path, kMaxFileBytes);
   return absl::StrCat(path, " ", f.Text());
 }
 
@@ -70,7 +64,7 @@ absl::StatusOr<std::string> TableCell::TrainingKey() const {
   Fingerprint f;
   AddPhotos(scene_.PhotosDir(photos_light()), photos, &f);
   for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
-    AddFile(absl::StrCat(CamerasDir(), "/cameras/", name), &f);
+    f.AddFileIfReadable(absl::StrCat(CamerasDir(), "/cameras/", name), kMaxFileBytes);
   }
   if (const std::string masks = MasksDir(); !masks.empty()) {
     LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(masks, "masks"));
@@ -88,9 +82,9 @@ absl::StatusOr<std::string> TableCell::RowKey() const {
     const std::string& name = view.view.name;
     f.Add(name.data(), name.size());
     const absl::StatusOr<std::string> truth = FindPhoto(scene_.TruthDir(), name);
-    if (truth.ok()) AddFile(*truth, &f);
+    if (truth.ok()) f.AddFileIfReadable(*truth, kMaxFileBytes);
   }
-  AddFile(scene_.dir + "/transforms_test.json", &f);
+  f.AddFileIfReadable(scene_.dir + "/transforms_test.json", kMaxFileBytes);
   return absl::StrCat(
       training, " ", f.Text(), " ", EnhancerKey(method_.after), " ",
       options_.lpips.empty() ? "" : FileKey(options_.lpips),
@@ -135,7 +129,7 @@ std::optional<TableRow> KeptRow(const std::string& path, const std::string& key)
 std::string BuildId() {
   static const std::string* const kId = [] {
     Fingerprint f;
-    AddFile("/proc/self/exe", &f);
+    f.AddFileIfReadable("/proc/self/exe", kMaxFileBytes);
     return new std::string(f.Text());
   }();
   return *kId;
