@@ -20,11 +20,11 @@ struct NetworkDepthOptions {
   bool inverse = true;
 };
 
-// Loads the network; photos go in as their `tone` shows them. An inverse map is brought to [0, 1]
-// between its 2nd and 98th percentile and becomes 1 / (map + 0.1): the offset that turns it into
-// depth is not known, so near and far are taken to differ by 11 at most. Choice. A map where all is
-// alike (a textureless photo) is nullopt. Errors of OnnxNet, and DEPTH_NETWORK_OUTPUT for more than
-// one plane; `field` names the option that gave the path.
+// Loads the network, which sees the photos' targets, or the photos where there are none. An inverse
+// map is brought to [0, 1] between its 2nd and 98th percentile and becomes 1 / (map + 0.1): the
+// offset that turns it into depth is not known, so near and far are taken to differ by 11 at most.
+// Choice. A map where all is alike (a textureless photo) is nullopt. Errors of OnnxNet, and
+// DEPTH_NETWORK_OUTPUT for more than one plane; `field` names the option that gave the path.
 absl::StatusOr<std::unique_ptr<DepthProvider>> MakeNetworkDepthProvider(
     const NetworkDepthOptions& options, std::string_view field);
 

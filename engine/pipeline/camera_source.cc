@@ -19,11 +19,11 @@
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/io/link_file.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/given_cameras.h"
 #include "engine/pipeline/local_origin.h"
 #include "engine/pipeline/wide_photos.h"
+#include "engine/pipeline/work_folders.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -177,15 +177,11 @@ absl::StatusOr<std::string> FolderOf(const ReconstructInput& input,
                           ListPhotos(input.images_dir, "images"));
   if (all == photos) return input.images_dir;
   const fs::path dir = fs::path(input.work_dir) / "photos";
-  std::error_code error;
-  fs::remove_all(dir, error);
-  fs::create_directories(dir, error);
+  LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(dir));
   for (const std::string& photo : photos) {
-    if (!error) error = LinkFile(fs::path(input.images_dir) / photo, dir / photo);
+    LITAGS_RETURN_IF_ERROR(LinkInWorkDir(fs::path(input.images_dir) / photo, dir / photo));
   }
-  if (!error) return dir.string();
-  return MakeError(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_WRITABLE", "work_dir",
-                   absl::StrCat("cannot write into ", dir.string(), ": ", error.message()));
+  return dir.string();
 }
 
 // Some exporters do not say which photos saw a point, and what is left is a cloud of any density

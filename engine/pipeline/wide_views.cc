@@ -14,12 +14,12 @@
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/io/link_file.h"
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/photo_place.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/turned_view.h"
 #include "engine/pipeline/wide_photos.h"
+#include "engine/pipeline/work_folders.h"
 
 namespace litags {
 namespace {
@@ -28,23 +28,6 @@ namespace fs = std::filesystem;
 
 // Of a view's pixels, that must count.
 constexpr double kLeastLeft = 0.05;
-
-absl::Status NotWritable(const fs::path& path, const std::error_code& error) {
-  return MakeError(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_WRITABLE", "work_dir",
-                   absl::StrCat("cannot write ", path.string(), ": ", error.message()));
-}
-
-absl::Status MakeEmptyFolder(const fs::path& dir) {
-  std::error_code error;
-  fs::remove_all(dir, error);
-  fs::create_directories(dir, error);
-  return error ? NotWritable(dir, error) : absl::OkStatus();
-}
-
-absl::Status Link(const fs::path& target, const fs::path& link) {
-  const std::error_code error = LinkFile(target, link);
-  return error ? NotWritable(link, error) : absl::OkStatus();
-}
 
 // What the names of a photo's views begin with: its own without the ending, or all of it where
 // another photo differs in the ending only, or is named as a view would be.
@@ -172,9 +155,9 @@ absl::Status WriteAll(const ReconstructInput& input, const PhotoList& list, cons
         continue;
       }
     }
-    LITAGS_RETURN_IF_ERROR(Link(PhotoPath(input, name), out->dir / name));
+    LITAGS_RETURN_IF_ERROR(LinkInWorkDir(PhotoPath(input, name), out->dir / name));
     if (mask_path.empty()) continue;
-    LITAGS_RETURN_IF_ERROR(Link(mask_path, out->masks / absl::StrCat(name, ".png")));
+    LITAGS_RETURN_IF_ERROR(LinkInWorkDir(mask_path, out->masks / absl::StrCat(name, ".png")));
   }
   return absl::OkStatus();
 }
