@@ -135,87 +135,122 @@ absl::StatusOr<std::string> DescribeDepthMaps(const ReconstructInput& input,
                       maps == 1 ? " has one\n" : " have one\n");
 }
 
-}  // namespace
-
-absl::Status InspectFolder(const ReconstructInput& given, const ReconstructOptions& options,
-                           const std::string& sheet, const CancelToken& cancel, std::string* text) {
-  ReconstructInput input = given;
-  const int threads = options.threads > 0 ? options.threads : DefaultThreadCount();
-  if (!sheet.empty()) LITAGS_RETURN_IF_ERROR(CheckSheetPath(sheet));
-  LITAGS_RETURN_IF_ERROR(CheckHoldsPhotos(input.images_dir));
-  LITAGS_ASSIGN_OR_RETURN(const std::string others,
-                          DescribeOtherPictures(input.images_dir, "images"));
-  LITAGS_ASSIGN_OR_RETURN(PhotoScreen screen, ScreenPhotos(input, threads, cancel));
-  LITAGS_ASSIGN_OR_RETURN(const WidePhotos wide,
-                          FindWidePhotos(input, screen.Names(), threads, cancel));
-  const std::map<std::string, const WidePhoto*> wide_by_name = ByName(wide);
+// What a run would read and make of a folder.
+struct Inspection {
+  ReconstructInput input;  // with the model of the cameras that is read
+  std::string others;      // of pictures that are not read
+  PhotoScreen screen, used;
+  WidePhotos wide;
   std::set<std::string> with_camera;
+  std::vector<ScreenedPhoto> views;  // that would be trained on
+  std::string depth;                 // a line on the depth maps, if there are some
+};
+
+absl::StatusOr<Inspection> Inspect(const ReconstructInput& given, int threads,
+                                   const CancelToken& cancel) {
+  Inspection found;
+  found.input = given;
+  ReconstructInput& input = found.input;
+  PhotoScreen& screen = found.screen;
+  LITAGS_ASSIGN_OR_RETURN(found.others, DescribeOtherPictures(input.images_dir, "images"));
+  LITAGS_ASSIGN_OR_RETURN(screen, ScreenPhotos(input, threads, cancel));
+  LITAGS_ASSIGN_OR_RETURN(found.wide, FindWidePhotos(input, screen.Names(), threads, cancel));
   if (!input.cameras_path.empty() && !screen.photos.empty()) {
     input.cameras_path = ResolveCameras(input.cameras_path);
     PanoramaNames panoramas;
     LITAGS_ASSIGN_OR_RETURN(const SparseModel model,
                             ReadGivenCameras(input, screen.Names(), &screen.notes, &panoramas));
-    for (const View& view : model.views) with_camera.insert(view.name);
-    for (const WidePhoto& photo : wide.photos) with_camera.insert(photo.name);
+    for (const View& view : model.views) found.with_camera.insert(view.name);
+    for (const WidePhoto& photo : found.wide.photos) found.with_camera.insert(photo.name);
   }
-  const PhotoScreen used =
-      input.cameras_path.empty() ? screen : LeaveOutWithoutCamera(screen, with_camera);
-  const std::vector<ScreenedPhoto> views = WithViews(used.photos, wide_by_name);
-  std::string depth;
-  if (!input.depth_dir.empty() && !used.photos.empty()) {
-    depth = "depth maps: not looked at, since they are of the views\n";
-    if (wide.photos.empty()) {
-      LITAGS_ASSIGN_OR_RETURN(depth, DescribeDepthMaps(input, used.photos, cancel));
-    }
+  found.used =
+      input.cameras_path.empty() ? screen : LeaveOutWithoutCamera(screen, found.with_camera);
+  found.views = WithViews(found.used.photos, ByName(found.wide));
+  if (input.depth_dir.empty() || found.used.photos.empty()) return found;
+  found.depth = "depth maps: not looked at, since they are of the views\n";
+  if (found.wide.photos.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(found.depth, DescribeDepthMaps(input, found.used.photos, cancel));
   }
-  const std::string thumbnails = sheet.empty() ? "" : input.work_dir + "/thumbnails";
-  std::error_code ignored;  // writing the sheet says what is wrong
-  if (!sheet.empty()) {
-    fs::create_directories(thumbnails, ignored);
-    WriteThumbnails(input, used, threads, thumbnails, cancel);
-  }
+  return found;
+}
+
+// A line for each photo.
+std::string TableOf(const Inspection& found) {
+  const ReconstructInput& input = found.input;
+  const PhotoScreen& screen = found.screen;
+  const std::map<std::string, const WidePhoto*> wide_by_name = ByName(found.wide);
   const double middle_sharpness = MiddleOf(screen.photos, &ScreenedPhoto::sharpness);
-  LITAGS_RETURN_IF_ERROR(cancel.Check());
   constexpr size_t kNameWidth = 32;
   constexpr char kLine[] = "%s %-11s %-17s %-22s %6s %6s %6s  %-5s%s\n";
-  *text = absl::StrFormat(kLine, Padded("photo", kNameWidth), "px", "lens", "exposure", "code",
-                          "stops", "sharp", "mask", input.cameras_path.empty() ? "" : " camera");
+  std::string text =
+      absl::StrFormat(kLine, Padded("photo", kNameWidth), "px", "lens", "exposure", "code", "stops",
+                      "sharp", "mask", input.cameras_path.empty() ? "" : " camera");
   for (const ScreenedPhoto& photo : screen.photos) {
     const ImageInfo info =
         ReadImageSize(input.images_dir + "/" + photo.name, photo.name).value_or(ImageInfo());
-    const auto found = wide_by_name.find(photo.name);
+    const auto wide = wide_by_name.find(photo.name);
     absl::StrAppendFormat(
-        text, kLine, Padded(photo.name, kNameWidth), absl::StrCat(photo.width, "x", photo.height),
-        Lens(info, found == wide_by_name.end() ? nullptr : found->second), Exposure(info),
+        &text, kLine, Padded(photo.name, kNameWidth), absl::StrCat(photo.width, "x", photo.height),
+        Lens(info, wide == wide_by_name.end() ? nullptr : wide->second), Exposure(info),
         absl::StrFormat("%.1f", photo.mean_code), Stops(photo.light, screen.middle_light),
         absl::StrFormat("%.2f", middle_sharpness > 0 ? photo.sharpness / middle_sharpness : 0),
         screen.masks.contains(photo.name) ? "yes" : "-",
-        input.cameras_path.empty()         ? ""
-        : with_camera.contains(photo.name) ? " yes"
-                                           : " none: left out");
+        input.cameras_path.empty()               ? ""
+        : found.with_camera.contains(photo.name) ? " yes"
+                                                 : " none: left out");
   }
-  absl::StrAppend(text,
+  absl::StrAppend(&text,
                   "code: mean pixel value of 255; stops: light beside the middle photo, +1 is "
                   "twice; sharp: sharpness beside the middle photo\n");
-  const PhotoMaps maps = MapsOf(views, input, options, !screen.masks.empty());
-  absl::StrAppend(text, DescribeCounts(used, views.size()), "; ",
-                  input.cameras_path.empty() ? "cameras would be searched for"
-                                             : absl::StrCat("cameras: ", input.cameras_path),
-                  "\n", depth, DescribeMemory(views, options, maps, MachineMemory()), "\n");
-  for (const auto& notes : {screen.notes, DescribeWidePhotos(wide.photos), DescribeUnused(input)}) {
-    for (const std::string& note : notes) absl::StrAppend(text, "note: ", note, "\n");
+  return text;
+}
+
+// What a run would use, and take.
+std::string SummaryOf(const Inspection& found, const ReconstructOptions& options) {
+  const ReconstructInput& input = found.input;
+  const PhotoMaps maps = MapsOf(found.views, input, options, !found.screen.masks.empty());
+  return absl::StrCat(DescribeCounts(found.used, found.views.size()), "; ",
+                      input.cameras_path.empty() ? "cameras would be searched for"
+                                                 : absl::StrCat("cameras: ", input.cameras_path),
+                      "\n", found.depth,
+                      DescribeMemory(found.views, options, maps, MachineMemory()), "\n");
+}
+
+std::vector<std::string> NotesOf(const Inspection& found) {
+  std::vector<std::string> notes = found.screen.notes;
+  for (const auto& more : {DescribeWidePhotos(found.wide.photos), DescribeUnused(found.input)}) {
+    notes.insert(notes.end(), more.begin(), more.end());
   }
-  if (!others.empty()) absl::StrAppend(text, "note: ", others, "\n");
-  if (input.cameras_path.empty()) {
-    if (const std::string nearby = CamerasNearby(input); !nearby.empty()) {
-      absl::StrAppend(text, "note: there are cameras in ", nearby, "; use them with --cameras\n");
-    }
+  if (!found.others.empty()) notes.push_back(found.others);
+  if (!found.input.cameras_path.empty()) return notes;
+  if (const std::string nearby = CamerasNearby(found.input); !nearby.empty()) {
+    notes.push_back(absl::StrCat("there are cameras in ", nearby, "; use them with --cameras"));
   }
+  return notes;
+}
+
+}  // namespace
+
+absl::Status InspectFolder(const ReconstructInput& input, const ReconstructOptions& options,
+                           const std::string& sheet, const CancelToken& cancel, std::string* text) {
+  const int threads = options.threads > 0 ? options.threads : DefaultThreadCount();
+  if (!sheet.empty()) LITAGS_RETURN_IF_ERROR(CheckSheetPath(sheet));
+  LITAGS_RETURN_IF_ERROR(CheckHoldsPhotos(input.images_dir));
+  LITAGS_ASSIGN_OR_RETURN(const Inspection found, Inspect(input, threads, cancel));
+  const std::string thumbnails = input.work_dir + "/thumbnails";
   if (!sheet.empty()) {
-    LITAGS_RETURN_IF_ERROR(WritePhotoSheet(used, thumbnails, sheet));
+    std::error_code ignored;  // writing the sheet says what is wrong
+    fs::create_directories(thumbnails, ignored);
+    WriteThumbnails(found.input, found.used, threads, thumbnails, cancel);
+  }
+  LITAGS_RETURN_IF_ERROR(cancel.Check());
+  *text = TableOf(found) + SummaryOf(found, options);
+  for (const std::string& note : NotesOf(found)) absl::StrAppend(text, "note: ", note, "\n");
+  if (!sheet.empty()) {
+    LITAGS_RETURN_IF_ERROR(WritePhotoSheet(found.used, thumbnails, sheet));
     absl::StrAppend(text, "contact sheet: ", sheet, "\n");
   }
-  return CheckPhotoCount(views.size(), views.size() + used.left_out.size());
+  return CheckPhotoCount(found.views.size(), found.views.size() + found.used.left_out.size());
 }
 
 absl::Status CheckAllReadable(const ReconstructInput& input, int threads,
