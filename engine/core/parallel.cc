@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <limits>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -56,10 +57,9 @@ class Team {
   }
 
   void Run(int threads, size_t num_tasks, absl::FunctionRef<void(size_t, int)> body) {
-    while (static_cast<int>(helpers_.size()) < threads - 1) {
-      helpers_.emplace_back(
-          [this, index = helpers_.size(), start = round_.load()] { Help(index, start); });
+    while (static_cast<int>(helpers_.size()) < threads - 1 && AddHelper()) {
     }
+    threads = std::min(threads, static_cast<int>(helpers_.size()) + 1);
     if (shares_.size() < static_cast<size_t>(threads)) shares_ = std::vector<Share>(threads);
     for (int i = 0; i < threads; ++i) {
       shares_[i].Set(num_tasks * i / threads, num_tasks * (i + 1) / threads);
@@ -77,6 +77,17 @@ class Team {
   }
 
  private:
+  // False if the machine has no thread left: a limit on processes, or on memory.
+  bool AddHelper() {
+    try {
+      helpers_.emplace_back(
+          [this, index = helpers_.size(), start = round_.load()] { Help(index, start); });
+      return true;
+    } catch (const std::system_error&) {
+      return false;
+    }
+  }
+
   // The tasks [begin, end) of a loop that are left of one thread's share, on a cache line of its
   // own. Its thread takes them from the front, others that have done theirs from the back.
   class alignas(kCacheLine) Share {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <pthread.h>
 #include <signal.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -14,6 +15,7 @@
 
 #include "engine/core/loop_trace.h"
 #include "engine/core/machine_memory.h"
+#include "engine/core/sandbox.h"
 
 namespace litags {
 namespace {
@@ -93,6 +95,22 @@ TEST(ParallelFor, ALoopInsideALoopRunsOnItsOwnThreadOnEveryThread) {
       std::this_thread::sleep_for(std::chrono::milliseconds(1));  // others would have come
     });
   });
+}
+
+TEST(ParallelFor, DoesEveryTaskOnThreadsThatCouldBeStarted) {
+  const pid_t child = fork();
+  if (child == 0) {
+    if (SyscallFilter::ForComputing().Apply() != 0) _exit(2);  // clone: EPERM
+    std::atomic<int> tasks = 0;
+    // More threads than a test before this one may have had.
+    ParallelFor(50, 100, [&](size_t, int) { ++tasks; });
+    ParallelFor(50, 100, [&](size_t, int) { ++tasks; });
+    _exit(tasks == 200 ? 0 : 1);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 0);
 }
 
 TEST(TraceLoops, TimesEveryTaskOfLoopsForSeveralThreadsOnThisThread) {
