@@ -13,7 +13,6 @@
 #include <chrono>
 #include <cstring>
 #include <deque>
-#include <filesystem>
 #include <optional>
 #include <utility>
 
@@ -61,8 +60,7 @@ absl::StatusOr<std::string> ResolveProgram(const std::string& name,
                                            const std::vector<std::string>& env) {
   std::vector<std::string> candidates;
   if (name.find('/') != std::string::npos) {
-    std::error_code ignored;  // the working directory may change before exec
-    candidates.push_back(std::filesystem::absolute(name, ignored).string());
+    candidates.push_back(name);
   } else {
     std::string path;
     for (const std::string& entry : env) {
@@ -87,7 +85,6 @@ struct ExecPlan {
   std::string path;
   std::vector<std::string> args, env;
   std::vector<char*> argv, envp;
-  std::string working_dir;
   int input_fd;
   std::optional<SyscallFilter> filter;
   int niceness;
@@ -109,7 +106,6 @@ absl::StatusOr<ExecPlan> MakePlan(const SubprocessOptions& options) {
   LITAGS_ASSIGN_OR_RETURN(plan.path, ResolveProgram(options.args[0], plan.env));
   plan.argv = ExecPlan::Pointers(plan.args);
   plan.envp = ExecPlan::Pointers(plan.env);
-  plan.working_dir = options.working_dir;
   plan.input_fd = options.input_fd;
   if (options.confined) plan.filter = SyscallFilter::ForProgram(Sockets::kNone);
   plan.niceness = options.niceness;
@@ -149,7 +145,6 @@ void CloseOnExecFrom(int first, int fd_limit) {
   if (dup2(output_fd, 1) < 0 || dup2(output_fd, 2) < 0) fail();
   CloseOnExecFrom(3, plan.fd_limit);
 
-  if (!plan.working_dir.empty() && chdir(plan.working_dir.c_str()) != 0) fail();
   if (plan.niceness > 0) {
     errno = 0;
     if (nice(plan.niceness) == -1 && errno != 0) fail();
@@ -216,24 +211,20 @@ class Output {
 
   void Finish() { EndLine(); }
   std::string Tail() const { return absl::StrJoin(tail_, "\n"); }
-  bool log_complete() const { return log_complete_; }
 
  private:
+  // Up to the limit, or until the disk is full.
   void Log(std::string_view bytes) {
-    if (!log_.valid() || !log_complete_) return;
-    if (logged_ + static_cast<int64_t>(bytes.size()) > options_.max_log_bytes) {
-      log_complete_ = false;
-      return;
-    }
-    logged_ += bytes.size();
-    while (!bytes.empty()) {
+    bytes = bytes.substr(0, kMaxLogBytes - logged_);
+    while (log_.valid() && !bytes.empty()) {
       const ssize_t n = write(log_.get(), bytes.data(), bytes.size());
       if (n < 0 && errno == EINTR) continue;
       if (n <= 0) {
-        log_complete_ = false;
+        log_.Close();
         return;
       }
       bytes.remove_prefix(n);
+      logged_ += n;
     }
   }
 
@@ -248,7 +239,6 @@ class Output {
   const SubprocessOptions& options_;
   UniqueFd log_;
   int64_t logged_ = 0;
-  bool log_complete_ = true;
   std::string line_;
   std::deque<std::string> tail_;
 };
@@ -345,9 +335,9 @@ absl::Status SubprocessOptions::Validate() const {
                           absl::StrCat("env \"", entry, "\" is not of the form NAME=value"));
     }
   }
-  if (!(timeout_seconds >= 0) || !(grace_seconds >= 0) || max_log_bytes < 0) {
+  if (!(timeout_seconds >= 0) || !(grace_seconds >= 0)) {
     return InvalidInput("OUT_OF_RANGE", "timeout_seconds",
-                        "times and sizes must be 0 or more; 0 means no limit");
+                        "times must be 0 or more; a timeout of 0 means no limit");
   }
   if (niceness < 0 || niceness > 19) {
     return InvalidInput("OUT_OF_RANGE", "niceness",
@@ -387,7 +377,6 @@ absl::StatusOr<SubprocessResult> RunSubprocess(const SubprocessOptions& options,
   result.exit_code = WEXITSTATUS(status);
   result.seconds = Seconds(Clock::now() - start);
   result.tail = output.Tail();
-  result.log_complete = output.log_complete();
   return result;
 }
 

@@ -15,20 +15,21 @@
 
 namespace litags {
 
+inline constexpr int64_t kMaxLogBytes = 64 << 20;
+
 struct SubprocessOptions {
   // args[0] is the program: a path if it holds a '/', else a name searched in PATH. Passed on as
   // they are; no shell sees them.
   std::vector<std::string> args;
   // "NAME=value"; added to, or replacing, what ChildEnvironment() leaves of our own environment.
   std::vector<std::string> env;
-  std::string working_dir;           // empty: ours
-  std::string log_path;              // stdout and stderr go here, replacing the file; empty: no log
-  int64_t max_log_bytes = 64 << 20;  // the log is cut after this many bytes
-  size_t tail_lines = 20;            // last lines kept for SubprocessResult::tail
-  double timeout_seconds = 0;        // wall clock; 0: no limit
-  double grace_seconds = 0.5;        // between SIGTERM and SIGKILL when we end the child
-  int niceness = 0;                  // added to ours, 0..19
-  int input_fd = -1;                 // its stdin; -1: /dev/null
+  // The first kMaxLogBytes of stdout and stderr go here, replacing the file; empty: no log.
+  std::string log_path;
+  size_t tail_lines = 20;      // last lines kept for SubprocessResult::tail
+  double timeout_seconds = 0;  // wall clock; 0: no limit
+  double grace_seconds = 0.5;  // between SIGTERM and SIGKILL when we end the child
+  int niceness = 0;            // added to ours, 0..19
+  int input_fd = -1;           // its stdin; -1: /dev/null
   // It works on strangers' bytes, and needs no network: SyscallFilter::ForProgram() without
   // sockets, and KeepFilePowersOnly(), as far as the kernel allows.
   bool confined = false;
@@ -41,9 +42,8 @@ struct SubprocessOptions {
 // A program that ended by itself, whatever its exit code.
 struct SubprocessResult {
   int exit_code = 0;
-  double seconds = 0;        // wall clock
-  std::string tail;          // last output lines, joined by '\n'
-  bool log_complete = true;  // false: the log was cut or the disk is full
+  double seconds = 0;  // wall clock
+  std::string tail;    // last output lines, joined by '\n'
 };
 
 // Runs a program to its end and returns its exit code (a non-zero code is the caller's to judge).
