@@ -1,7 +1,10 @@
 // A number that is not finite is caught in its iteration, and the run finds a way around it.
 #include "engine/train/nan_recovery.h"
 
+#include <sys/resource.h>
+
 #include <cmath>
+#include <fstream>
 #include <limits>
 #include <string>
 #include <utility>
@@ -267,6 +270,41 @@ TEST(RollBack, NanRecoveriesAreKeptInCheckpoints) {
     EXPECT_EQ(got[i].iteration, want[i].iteration);
     EXPECT_EQ(got[i].gaussians, want[i].gaussians);
     EXPECT_EQ(got[i].source, want[i].source);
+  }
+}
+
+TEST(RollBack, AnErrorOfReadingIsToldAndStartsNothingAnew) {
+  const TempDir dir;
+  Training run;
+  run.SpoilPhoto(2);
+  const Splats initial = ColoredCloud(kCount, 1);
+  Trainer trainer(run.options(), &run.views(), initial, SceneExtent(run.views()));
+  ASSERT_TRUE(trainer.SaveCheckpoint(dir / "c", "print").ok());
+  while (trainer.Step().ok()) {
+  }
+  rlimit before;
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
+  const rlimit no_files = {0, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &no_files), 0);
+  const absl::Status status = trainer.RollBack(dir / "c", "print", initial);
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
+  EXPECT_EQ(Reason(status), "IO_ERROR") << status;
+}
+
+TEST(RollBack, ACheckpointOfNoUseMeansTheStart) {
+  const TempDir dir;
+  std::ofstream(dir / "foreign") << "a note";
+  Training run;
+  run.SpoilPhoto(2);
+  const Splats initial = ColoredCloud(kCount, 1);
+  for (const char* name : {"missing", "foreign", "of another run"}) {
+    Trainer trainer(run.options(), &run.views(), initial, SceneExtent(run.views()));
+    ASSERT_TRUE(trainer.SaveCheckpoint(dir / "of another run", "another").ok());
+    while (trainer.Step().ok()) {
+    }
+    EXPECT_TRUE(trainer.RollBack(dir / name, "print", initial).ok()) << name;
+    EXPECT_EQ(trainer.iteration(), 0);
+    EXPECT_EQ(trainer.num_gaussians(), kCount);
   }
 }
 

@@ -72,6 +72,12 @@ absl::Status NotFiniteError(const std::string& field, const std::string& message
   return MakeError(absl::StatusCode::kInternal, "NOT_FINITE", field, message);
 }
 
+// Whether a checkpoint, by what LoadCheckpoint says of it, is not there, damaged or of another run.
+bool IsOfNoUse(const absl::Status& loaded) {
+  return absl::IsNotFound(loaded) || absl::IsDataLoss(loaded) || absl::IsInvalidArgument(loaded) ||
+         absl::IsFailedPrecondition(loaded);
+}
+
 }  // namespace
 
 struct Trainer::Impl {
@@ -312,7 +318,6 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
 Trainer::Trainer(const TrainOptions& options, const std::vector<TrainView>* views, Splats initial,
                  double extent)
     : impl_(std::make_unique<Impl>(options, views, extent)) {
-  LITAGS_CHECK(!views->empty());
   impl_->Start(std::move(initial));
 }
 
@@ -368,7 +373,12 @@ absl::Status Trainer::RollBack(const std::string& path, const std::string& finge
   nan_recoveries.push_back(fault);
   // Frees what is broken first: the checkpoint's file and state take as much once more.
   s.state.splats = SplatState();
-  if (!LoadCheckpoint(path, fingerprint, fault.iteration).ok()) s.Start(std::move(initial));
+  const absl::Status loaded = LoadCheckpoint(path, fingerprint, fault.iteration);
+  if (!loaded.ok()) {
+    // What cannot be read now may be a good one: the next SaveCheckpoint would replace it.
+    if (!IsOfNoUse(loaded)) return loaded;
+    s.Start(std::move(initial));
+  }
   s.state.nan_recoveries = std::move(nan_recoveries);
   if (2 * s.PhotosLeftOut() > s.num_views) return give_up("with half of the photos left out");
   return absl::OkStatus();

@@ -44,7 +44,8 @@ class Trainer {
   // if it is none of this run, and around what was met there: see NanRecovery. A photo that was
   // skipped twice is not used again. Iterations in between are repeated exactly, so the result does
   // not depend on where the run went back to. INTERNAL (NOT_FINITE) after kMaxNanRecoveries, or
-  // when more than half of the photos would be left out.
+  // when more than half of the photos would be left out; the file's error if the checkpoint is
+  // there but cannot be read. After an error this trainer is of no more use.
   absl::Status RollBack(const std::string& path, const std::string& fingerprint, Splats initial);
 
   // What was met so far, by iteration; part of checkpoints.
