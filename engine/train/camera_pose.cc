@@ -7,6 +7,10 @@
 namespace litags {
 namespace {
 
+// The root of the sum of given cameras' squared distances from their mean, over the extent: with
+// less they are at one place. Refined ones drift by about as much in an epoch. Choice
+constexpr double kOnePlace = 1e-3;
+
 using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 // x_cam' = exp([w]) x_cam + v.
@@ -58,12 +62,13 @@ Similarity AlignPoses(absl::Span<const CameraPose> from, absl::Span<const Camera
                       double extent) {
   const Eigen::Vector3d from_mean = MeanCenter(from), to_mean = MeanCenter(to);
   Eigen::Matrix3d turns = Eigen::Matrix3d::Zero(), places = Eigen::Matrix3d::Zero();
-  double spread = 0;
+  double from_spread = 0, to_spread = 0;
   for (size_t i = 0; i < from.size(); ++i) {
-    const Eigen::Vector3d a = CenterOf(from[i]) - from_mean;
+    const Eigen::Vector3d a = CenterOf(from[i]) - from_mean, b = CenterOf(to[i]) - to_mean;
     turns += RotationOf(to[i]).transpose() * RotationOf(from[i]);
-    places += (CenterOf(to[i]) - to_mean) * a.transpose();
-    spread += a.squaredNorm();
+    places += b * a.transpose();
+    from_spread += a.squaredNorm();
+    to_spread += b.squaredNorm();
   }
   // The rotation nearest to a matrix: Umeyama 1991.
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(turns + places / (extent * extent),
@@ -73,7 +78,8 @@ Similarity AlignPoses(absl::Span<const CameraPose> from, absl::Span<const Camera
       svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
   Similarity out;
   const double along = (R.transpose() * places).trace();
-  if (along > 0) out.scale = along / spread;
+  const double one_place = kOnePlace * extent;
+  if (along > 0 && to_spread > one_place * one_place) out.scale = along / from_spread;
   Eigen::Map<RowMajor>(out.R.data()) = R;
   Eigen::Map<Eigen::Vector3d>(out.t.data()) = to_mean - out.scale * (R * from_mean);
   return out;

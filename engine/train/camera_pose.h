@@ -46,7 +46,8 @@ struct Similarity {
 };
 
 // The move of the world that takes cameras `from` to cameras `to`, one by one, as nearly as it can:
-// least squares of directions and of places over `extent`, scene units.
+// least squares of directions and of places over `extent`, scene units. Cameras `to` at one place
+// tell no scale: 1.
 Similarity AlignPoses(absl::Span<const CameraPose> from, absl::Span<const CameraPose> to,
                       double extent);
 

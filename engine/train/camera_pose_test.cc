@@ -101,14 +101,19 @@ void ExpectNear(const std::vector<CameraPose>& a, const std::vector<CameraPose>&
   }
 }
 
-TEST(AlignPoses, TakesAMovedWorldBack) {
-  const std::vector<CameraPose> given = PosesOf(Views());
-  std::vector<CameraPose> one = {given[0]};
-  std::vector<CameraPose> turning = given;  // about one place
-  for (CameraPose& pose : turning) {
+// Cameras that turn about one place.
+std::vector<CameraPose> Turning() {
+  std::vector<CameraPose> poses = PosesOf(Views());
+  for (CameraPose& pose : poses) {
     Eigen::Map<Eigen::Vector3d>(pose.t.data()) =
         -Eigen::Map<const RowMajor>(pose.R.data()) * Eigen::Vector3d(1, 2, 3);
   }
+  return poses;
+}
+
+TEST(AlignPoses, TakesAMovedWorldBack) {
+  const std::vector<CameraPose> given = PosesOf(Views());
+  const std::vector<CameraPose> one = {given[0]}, turning = Turning();
   for (const auto& poses : {given, one, turning}) {
     std::vector<CameraPose> moved = poses;
     Splats none;
@@ -118,6 +123,18 @@ TEST(AlignPoses, TakesAMovedWorldBack) {
     EXPECT_GT(std::abs(moved[0].t[0] - poses[0].t[0]), 0.01);
     MoveWorld(AlignPoses(moved, poses, 4), &none, absl::MakeSpan(moved));
     ExpectNear(moved, poses);
+  }
+}
+
+TEST(AlignPoses, KeepsTheUnitWhereGivenCamerasAreAtOnePlace) {
+  const std::vector<CameraPose> given = Turning();
+  for (uint64_t seed = 0; seed < 20; ++seed) {
+    const CounterRng rng(seed, 1);
+    std::vector<CameraPose> drifted = given;
+    for (size_t i = 0; i < drifted.size(); ++i) {
+      for (size_t k = 0; k < 3; ++k) drifted[i].t[k] += rng.Uniform(3 * i + k) < 0.5 ? -1e-9 : 1e-9;
+    }
+    EXPECT_EQ(AlignPoses(drifted, given, /*extent=*/1e-6).scale, 1) << seed;
   }
 }
 
