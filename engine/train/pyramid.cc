@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/core/check.h"
 #include "engine/core/mask.h"
 #include "engine/core/quantile.h"
 #include "engine/core/splats.h"
@@ -120,6 +121,7 @@ double CoarseIterations(const TrainOptions& options) {
 
 ViewPyramid::ViewPyramid(const std::vector<TrainView>* views, const TrainOptions& options)
     : views_(views), options_(options), coarse_iterations_(CoarseIterations(options)) {
+  LITAGS_CHECK(!views->empty());
   std::vector<int> levels;
   for (const TrainView& v : *views) {
     levels.push_back(LevelsOf(v.view.camera, options.recipe.coarse_levels));

@@ -198,6 +198,11 @@ TEST(ViewPyramid, OneSmallPhotoLeavesTheOthersTheirLevels) {
   EXPECT_DOUBLE_EQ(pyramid.WorkOf(0, 0), kPixels + kPixelsBeside);
 }
 
+TEST(ViewPyramid, WithoutAPhotoIsABug) {
+  const std::vector<TrainView> none;
+  EXPECT_DEATH(ViewPyramid(&none, TrainOptions()), "check failed: !views->empty");
+}
+
 TEST(ViewPyramid, OneLargePhotoGivesTheOthersNoLevels) {
   std::vector<TrainView> views(2, OneView(100, 100)[0]);
   views.push_back(OneView(512, 512)[0]);
