@@ -9,11 +9,12 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
+#include "engine/core/ssim.h"
 
 namespace litags {
 namespace {
 
-constexpr int kRadius = 5;
+constexpr int kRadius = kSsimRadius;
 
 absl::Status CheckSizes(const Planes& a, const Planes& b, const PlaneU8& mask) {
   if (a.empty() || b.empty()) {
@@ -57,7 +58,9 @@ double CountedInside(const PlaneU8& mask, int width, int height, int border) {
 std::array<double, 2 * kRadius + 1> Window() {
   std::array<double, 2 * kRadius + 1> g;
   double sum = 0;
-  for (int i = -kRadius; i <= kRadius; ++i) sum += g[i + kRadius] = std::exp(-i * i / 4.5);
+  for (int i = -kRadius; i <= kRadius; ++i) {
+    sum += g[i + kRadius] = std::exp(-i * i / (2 * kSsimSigma * kSsimSigma));
+  }
   for (double& v : g) v /= sum;
   return g;
 }
@@ -110,7 +113,7 @@ class SsimRows {
 
   // Of the means in maps_.
   double SumRow(const PlaneU8& mask, int width, int border, int y) const {
-    constexpr double kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;
+    constexpr double kC1 = kSsimK1 * kSsimK1, kC2 = kSsimK2 * kSsimK2;
     const double *ma = maps_.data(), *mb = ma + width, *aa = mb + width, *bb = aa + width,
                  *ab = bb + width;
     double sum = 0;

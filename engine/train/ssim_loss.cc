@@ -10,6 +10,7 @@
 #include "engine/core/aligned.h"
 #include "engine/core/check.h"
 #include "engine/core/parallel.h"
+#include "engine/core/ssim.h"
 #include "engine/train/losses.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -25,7 +26,7 @@
 namespace litags {
 namespace ssim {
 
-constexpr int kRadius = 5;
+constexpr int kRadius = kSsimRadius;
 constexpr int kTaps = 2 * kRadius + 1;
 constexpr int kTileWidth = 64;
 constexpr int kTileHeight = 64;
@@ -37,7 +38,7 @@ constexpr int kPrefetchRows = 4;
 constexpr int kInputRow = kTileWidth + 2 * kMargin;
 constexpr int kMoments = 4;      // blurred: x, y, x^2 + y^2, xy
 constexpr int kDerivatives = 3;  // of SSIM by blurred x, x^2 + y^2, xy
-constexpr float kC1 = 0.01f * 0.01f, kC2 = 0.03f * 0.03f;
+constexpr float kK1 = kSsimK1, kK2 = kSsimK2, kC1 = kK1 * kK1, kC2 = kK2 * kK2;
 
 // Floats of scratch per thread: the ring and one row of inputs with its margins.
 constexpr size_t kRingFloats = size_t{2 * kTaps} * kMoments * kTileWidth;
@@ -316,12 +317,12 @@ namespace {
 HWY_EXPORT(SsimForwardTile);
 HWY_EXPORT(SsimBackwardTile);
 
-// The normalised Gaussian window of sigma 1.5, from the centre outwards.
+// The normalised Gaussian window, from the centre outwards.
 std::array<float, ssim::kRadius + 1> Window() {
   std::array<double, ssim::kRadius + 1> g;
   double sum = 0;
   for (int i = 0; i <= ssim::kRadius; ++i) {
-    g[i] = std::exp(-i * i / (2 * 1.5 * 1.5));
+    g[i] = std::exp(-i * i / (2 * kSsimSigma * kSsimSigma));
     sum += i == 0 ? g[i] : 2 * g[i];
   }
   std::array<float, ssim::kRadius + 1> window;
