@@ -25,8 +25,9 @@ cv::Mat Wrap(Planes* plane) {
   return cv::Mat(plane->height, plane->width, CV_32F, plane->data.data());
 }
 
-// Median absolute diagonal Haar coefficient / 0.6745 (Donoho and Johnstone 1994).
-float NoiseOf(const Planes& gray) {
+// Median absolute diagonal Haar coefficient / 0.6745 (Donoho and Johnstone 1994). NoiseEstimate
+// counts codes of a picture of [0, 1]; these are roots about 0 with no largest value.
+float HaarNoise(const Planes& gray) {
   std::vector<float> details;
   for (int y = 0; y + 1 < gray.height; y += 2) {
     for (int x = 0; x + 1 < gray.width; x += 2) {
@@ -70,7 +71,7 @@ absl::StatusOr<MatchImage> MakeMatchImage(const Photo& photo, const Camera& came
   const float gain = mean > 0 ? 1 / mean : 0;
   const float center = std::sqrt(1 + kBlack);
   for (float& v : out.gray.data) v = std::sqrt(std::max(0.0f, v * gain + kBlack)) - center;
-  out.noise = NoiseOf(out.gray);
+  out.noise = HaarNoise(out.gray);
   return out;
 }
 
