@@ -3,8 +3,6 @@
 #include <spdlog/spdlog.h>
 #include <sys/statvfs.h>
 
-#include <chrono>
-
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 
@@ -55,14 +53,9 @@ HealthMonitor::~HealthMonitor() {
 }
 
 void HealthMonitor::Loop(double interval_seconds) {
-  constexpr std::chrono::milliseconds kStep{50};
   while (!stop_.IsCancelled()) {
     Look();
-    const auto until =
-        std::chrono::steady_clock::now() + std::chrono::duration<double>(interval_seconds);
-    while (!stop_.IsCancelled() && std::chrono::steady_clock::now() < until) {
-      std::this_thread::sleep_for(kStep);
-    }
+    stop_.SleepFor(interval_seconds);
   }
 }
 

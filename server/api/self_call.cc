@@ -69,12 +69,11 @@ SelfCall::~SelfCall() {
 }
 
 void SelfCall::Loop() {
-  constexpr std::chrono::milliseconds kStep{50};
+  using SteadyClock = std::chrono::steady_clock;
   bool answered_once = false;
   int failures = 0;
   while (!stop_.IsCancelled()) {
-    const auto next =
-        std::chrono::steady_clock::now() + std::chrono::duration<double>(options_.every_seconds);
+    const auto start = SteadyClock::now();
     const bool answered = IsAnswered();
     if (stop_.IsCancelled()) return;
     answered_once = answered_once || answered;
@@ -89,9 +88,8 @@ void SelfCall::Loop() {
                    options_.address);
       return;
     }
-    while (!stop_.IsCancelled() && std::chrono::steady_clock::now() < next) {
-      std::this_thread::sleep_for(kStep);
-    }
+    const std::chrono::duration<double> took = SteadyClock::now() - start;
+    stop_.SleepFor(options_.every_seconds - took.count());
   }
 }
 

@@ -30,7 +30,7 @@ constexpr int kLookMs = 100;  // how often cancellation is looked at; packets wa
 // its sleep.
 constexpr std::chrono::seconds kMaxSilence{600};
 constexpr std::chrono::seconds kMaxStart{20};
-constexpr std::chrono::milliseconds kMinLife{1000};  // between two starts of the program
+constexpr double kMinLifeSeconds = 1;  // between two starts of the program
 // How long it may take us to learn that the program ended; see kPollMs of RunSubprocess().
 constexpr std::chrono::milliseconds kNewsOfEnd{1000};
 
@@ -215,9 +215,8 @@ class RemoteReader : public FileReader {
       if (stop_.IsCancelled()) return;
       spdlog::error("the program that reads uploaded files ended, and is started again: {}",
                     std::string(ended.message()));
-      while (!stop_.IsCancelled() && SteadyClock::now() < start + kMinLife) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      }
+      const std::chrono::duration<double> lived = SteadyClock::now() - start;
+      stop_.SleepFor(kMinLifeSeconds - lived.count());
     }
   }
 

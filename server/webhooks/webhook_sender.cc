@@ -3,7 +3,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <chrono>
 #include <random>
 #include <utility>
 
@@ -18,7 +17,6 @@ namespace {
 constexpr int kClientsPerLook = 1000;
 constexpr int64_t kClaimMs = 60'000;  // longer than an attempt takes
 constexpr double kSecondsBetweenLooks = 1;
-constexpr std::chrono::milliseconds kStep{50};  // how soon the end is noticed
 
 // Changes the webhook of a job whose row is locked.
 absl::Status Change(JobTransaction& job, const std::function<void(Webhook&)>& change) {
@@ -81,11 +79,7 @@ void WebhookSender::Loop() {
     const auto sent = SendDue();
     if (!sent.ok()) spdlog::warn("webhooks wait: {}", sent.status().ToString());
     if (sent.ok() && *sent > 0) continue;
-    const auto next =
-        std::chrono::steady_clock::now() + std::chrono::duration<double>(kSecondsBetweenLooks);
-    while (!stop_.IsCancelled() && std::chrono::steady_clock::now() < next) {
-      std::this_thread::sleep_for(kStep);
-    }
+    stop_.SleepFor(kSecondsBetweenLooks);
   }
 }
 

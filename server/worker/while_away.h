@@ -3,9 +3,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include <chrono>
-#include <thread>
-
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
@@ -22,14 +19,12 @@ const absl::Status& StatusOf(const absl::StatusOr<T>& result) {
 // what that says. A job that ran for hours does not fail because a database restarts.
 template <typename Call>
 auto WhileAway(const CancelToken& stop, Call call) {
-  constexpr std::chrono::milliseconds kPause{500}, kStep{50};
+  constexpr double kPauseSeconds = 0.5;
   for (bool logged = false;; logged = true) {
     auto result = call();
     if (!absl::IsUnavailable(StatusOf(result))) return result;
     if (!logged) spdlog::warn("waiting for the store: {}", StatusOf(result).ToString());
-    for (auto waited = kStep; waited <= kPause && !stop.IsCancelled(); waited += kStep) {
-      std::this_thread::sleep_for(kStep);
-    }
+    stop.SleepFor(kPauseSeconds);
     if (stop.IsCancelled()) return call();
   }
 }

@@ -6,7 +6,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
-#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -32,18 +31,10 @@ void WaitForWork(JobStore* store, const WorkerOptions& options, const CancelToke
       std::chrono::steady_clock::now() + std::chrono::duration<double>(options.look_seconds);
   while (!shutdown.IsCancelled() && std::chrono::steady_clock::now() < end) {
     const auto token = store->WaitForChange(ChangeTopic::kQueue, *seen, options.poll_seconds);
-    if (!token.ok()) return std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    if (!token.ok()) return shutdown.SleepFor(0.1);
     if (*token == *seen) continue;
     *seen = *token;
     return;
-  }
-}
-
-// Until `seconds` have passed or `shutdown` is raised.
-void Sleep(double seconds, const CancelToken& shutdown) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-  while (!shutdown.IsCancelled() && std::chrono::steady_clock::now() < end) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
 }
 
@@ -52,7 +43,7 @@ void Sleep(double seconds, const CancelToken& shutdown) {
 void Rest(const absl::Status& error, const WorkerContext& context, const WorkerOptions& options,
           const CancelToken& shutdown, double* pause) {
   for (bool well = false; !well && !shutdown.IsCancelled();) {
-    Sleep(*pause, shutdown);
+    shutdown.SleepFor(*pause);
     *pause = std::min(2 * *pause, options.max_rest_seconds);
     const absl::Status status = CheckWorkerAfter(error, context);
     well = status.ok();
@@ -157,7 +148,7 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
     if (!lease.ok()) {
       if (!store_is_away) spdlog::error("cannot look for work: {}", lease.status().ToString());
       store_is_away = true;
-      std::this_thread::sleep_for(std::chrono::duration<double>(options.poll_seconds));
+      shutdown.SleepFor(options.poll_seconds);
       continue;
     }
     if (store_is_away) spdlog::info("can look for work again");
