@@ -76,7 +76,8 @@ TEST(InformationWeights, RoundingTakesInformationAway) {
         InformationWeights({&bright, &dark}, {&target, &target}, {10, 1}, {}, {}, code_step);
     return double(planes[1].data[kSize / 2]) / planes[0].data[kSize / 2];
   };
-  EXPECT_NEAR(ratio(1), 1 / (1 + 40 * 40 / 12.0 / (12 * 12)), 0.02);
+  // The best, of a code between the bright photo's, has a noise of 3.
+  EXPECT_NEAR(ratio(1), 1 / (1 + 40 * 40 / 12.0 / (12 * 12)), 0.04);
   EXPECT_EQ(ratio(1 / 257.0), 1);
 }
 
