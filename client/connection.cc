@@ -59,8 +59,14 @@ absl::Status CheckForm(const std::string& server) {
                                "65535"));
 }
 
+bool IsSocket(const std::string& server) { return server.starts_with("unix:"); }
+
 // The IPv4 addresses of host:port, as host:port.
 absl::StatusOr<std::vector<std::string>> Resolve(const std::string& server) {
+  if (IsSocket(server)) {
+    return BadInput("SERVER_UNKNOWN", "--server",
+                    absl::StrCat(server, " is a socket, which stands alone, not among servers"));
+  }
   const std::string host = HostOf(server);
   const std::string port = server.substr(std::min(server.size(), host.size() + 1));
   addrinfo hints = {};
@@ -99,7 +105,7 @@ absl::StatusOr<std::string> TargetOf(const std::vector<std::string>& servers) {
 }
 
 bool IsLoopback(const std::string& server) {
-  if (server.starts_with("unix:")) return true;
+  if (IsSocket(server)) return true;
   const std::string host = HostOf(server);
   return host == "localhost" || host == "[::1]" ||
          (host.starts_with("127.") && host.find_first_not_of("0123456789.") == std::string::npos);

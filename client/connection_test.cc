@@ -76,11 +76,14 @@ TEST(Connection, FilesAndTokensThatCannotBeUsedAreNamedWithTheirFlag) {
 
 TEST(Connection, ServersWithoutAnAddressAreRefusedWhereThereAreSeveral) {
   EXPECT_TRUE(Connect({.server = "127.0.0.1:1,localhost:2"}).ok());
-  for (const char* server : {"", "127.0.0.1:1,127.0.0.1", "127.0.0.1:1,no.such.invalid:2"}) {
+  for (const char* server :
+       {"", "127.0.0.1:1,127.0.0.1", "127.0.0.1:1,no.such.invalid:2", "127.0.0.1:1,unix:2"}) {
     const absl::Status status = Connect({.server = server}).status();
     EXPECT_EQ(DetailOf(status).reason(), "SERVER_UNKNOWN") << server;
     EXPECT_EQ(DetailOf(status).field(), "--server");
   }
+  EXPECT_THAT(std::string(Connect({.server = "127.0.0.1:1,unix:2"}).status().message()),
+              testing::HasSubstr("stands alone"));  // and is no host, were one called so
   // A token stays on this machine only if all of them are on it.
   EXPECT_EQ(
       DetailOf(Connect({.server = "127.0.0.1:1,192.0.2.1:2", .token = "x"}).status()).reason(),

@@ -55,7 +55,7 @@ bool IsProgram(const std::string& path) {
   return stat(path.c_str(), &info) == 0 && S_ISREG(info.st_mode) && access(path.c_str(), X_OK) == 0;
 }
 
-// Full path of a program, by the rules of execvp.
+// Path of a program, by the rules of execvp.
 absl::StatusOr<std::string> ResolveProgram(const std::string& name,
                                            const std::vector<std::string>& env) {
   std::vector<std::string> candidates;

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/types/span.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
 #include "engine/io/cameras_io.h"
@@ -268,12 +269,14 @@ std::vector<std::string> DescribeWidePhotos(const std::vector<WidePhoto>& photos
   std::vector<std::string> lines;
   for (const auto& [kind, of_kind] : names) {
     if (of_kind.size() == 1) {
-      lines.push_back(absl::StrCat(of_kind[0], " is a ", kind.first, ": ", kind.second,
-                                   " views of it are the photos"));
+      lines.push_back(absl::StrCat(of_kind[0], " is a ", kind.first, ": ",
+                                   Counted(kind.second, "view"), " of it ",
+                                   kind.second == 1 ? "is a photo" : "are the photos"));
       continue;
     }
     lines.push_back(absl::StrCat(of_kind.size(), " photos are ", many.at(kind.first), ", such as ",
-                                 of_kind[0], ": ", kind.second, " views of each are the photos"));
+                                 of_kind[0], ": ", Counted(kind.second, "view"), " of each ",
+                                 kind.second == 1 ? "is a photo" : "are the photos"));
   }
   return lines;
 }

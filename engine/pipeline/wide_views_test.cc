@@ -377,6 +377,10 @@ TEST(DescribeWidePhotos, OneIsNamedAndSeveralAreCounted) {
               testing::ElementsAre("a.jpg is a fisheye: 5 views of it are the photos",
                                    "2 photos are panoramas of the whole sphere, such as b.jpg: 6 "
                                    "views of each are the photos"));
+  // Of the others a mask leaves nothing.
+  photos[0].views.resize(1);
+  EXPECT_THAT(DescribeWidePhotos(photos),
+              testing::Contains("a.jpg is a fisheye: 1 view of it is a photo"));
 }
 
 TEST(FindCircle, IsWhereThePictureOfADarkFisheyeEnds) {

@@ -23,7 +23,7 @@ using FractionFn = std::function<void(double)>;
 
 // One database and the photos it is made of. Every command returns its wall-clock seconds. What
 // the commands leave depends on the photos and options only, not on options.threads, the time or
-// what else runs; see README.md for how.
+// what else runs; see docs/experiments/cameras.md.
 // Errors: FAILED_PRECONDITION COLMAP_NOT_FOUND; INTERNAL COLMAP_FAILED with COLMAP's last lines
 // and the log's path, COLMAP_KILLED if it was ended from outside; DEADLINE_EXCEEDED
 // PROGRAM_TIMEOUT; CANCELLED.

@@ -119,7 +119,7 @@ void JobMonitor::StopEngine(StopReason reason) {
 
 void JobMonitor::GiveUpIfStuck() {
   // A file that is being fetched may be large. Only a worker that is to end cannot wait for it.
-  if (!engine_began_ && stop_reason_ != StopReason::kShutdown) return;
+  if (!engine_began_ && !shutdown_.IsCancelled()) return;
   if (SecondsSince(stop_time_) < options_.grace_seconds || !options_.give_up) return;
   spdlog::error("job={} {} does not stop; leaving it", lease_.job.id,
                 engine_began_ ? "the engine" : "the fetching of its files");

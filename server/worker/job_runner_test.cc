@@ -17,6 +17,7 @@
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/store/digest.h"
+#include "server/testing/eventually.h"
 #include "server/testing/fake_engine.h"
 #include "server/testing/faulty_blob_store.h"
 #include "server/testing/no_room.h"
@@ -197,6 +198,28 @@ TEST_F(JobRunnerTest, CancelEndsTheFetchingOfFilesAfterTheFileAndNotTheWorker) {
   EXPECT_TRUE(Run().ok());
   EXPECT_FALSE(gave_up);
   EXPECT_LT(reads, 3);
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kCancelled);
+}
+
+TEST_F(JobRunnerTest, ShutdownEndsTheFetchingOfACancelledJobsFile) {
+  const std::string id = QueuedJob();
+  std::atomic<bool> gave_up = false;
+  options_.give_up = [&] { gave_up = true; };
+  options_.grace_seconds = 0.1;
+  options_.poll_seconds = 0.01;
+  CancelToken shutdown;
+  int reads = 0;
+  blobs_.on_read = [&](std::string_view) {
+    if (++reads > 1) return absl::OkStatus();
+    EXPECT_TRUE(jobs_.Cancel(id).ok());
+    std::this_thread::sleep_for(std::chrono::milliseconds(400));
+    EXPECT_FALSE(gave_up);
+    shutdown.Cancel();
+    EXPECT_TRUE(Eventually([&] { return gave_up.load(); }));
+    return absl::OkStatus();
+  };
+  // The end is written already; a real worker would not come to write it again.
+  RunJob(**leases_.Acquire("w1"), context_, options_, shutdown).IgnoreError();
   EXPECT_EQ(jobs_.Get(id)->state, JobState::kCancelled);
 }
 
