@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <filesystem>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -50,12 +51,16 @@ bool DataDir::OthersMayEnter() const {
 }
 
 void DataDir::EmptyTmp(double quiet_seconds) const {
-  const auto entries = ListFolder(tmp());
-  if (!entries.ok()) return;  // the next time, then
-  for (const FolderEntry& entry : *entries) {
-    if (quiet_seconds > 0 && entry.quiet_seconds < quiet_seconds) continue;
-    std::error_code error;  // its owner may have removed it just now
-    fs::remove_all(fs::path(tmp()) / entry.name, error);
+  std::vector<std::string> folders = {tmp()};
+  if (quiet_seconds > 0) folders.push_back(blobs() + "/tmp");  // a worker may be writing there
+  for (const std::string& folder : folders) {
+    const auto entries = ListFolder(folder);
+    if (!entries.ok()) continue;  // the next time, then
+    for (const FolderEntry& entry : *entries) {
+      if (quiet_seconds > 0 && entry.quiet_seconds < quiet_seconds) continue;
+      std::error_code error;  // its owner may have removed it just now
+      fs::remove_all(fs::path(folder) / entry.name, error);
+    }
   }
 }
 

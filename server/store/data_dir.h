@@ -32,8 +32,9 @@ struct DataDir {
   static absl::StatusOr<DataDir> Open(const std::string& root);
   // Whether the group or everybody may read `root`, write to it or enter it.
   bool OthersMayEnter() const;
-  // Removes what killed processes left in tmp/: what nobody has made or changed for that long; 0:
-  // all there is, before workers of this server are started.
+  // Removes what killed processes left in tmp/ and blobs/tmp/: what nobody has made or changed for
+  // that long; 0: all there is in tmp/, before workers of this server are started. Of blobs that
+  // stand elsewhere BlobStore::RemoveTemporary() does, after a day: other machines write there.
   void EmptyTmp(double quiet_seconds) const;
 };
 
