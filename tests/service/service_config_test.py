@@ -17,8 +17,8 @@ from litags.v1 import reconstruction_service_pb2_grpc
 from litags.v1 import render_service_pb2 as render
 from litags.v1 import render_service_pb2_grpc
 
-# A second StartJob, ResumeJob or DeleteJob is refused although the first one arrived; an upload goes
-# on where QueryUpload says.
+# A second one without a request_id or allow_missing is refused although the first one arrived; an
+# upload goes on where QueryUpload says.
 NOT_REPEATED = {"StartJob", "ResumeJob", "DeleteJob", "DeleteFile", "BatchDeleteJobs",
                 "UploadImages"}
 FAILURES = 2
