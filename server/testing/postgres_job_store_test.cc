@@ -152,7 +152,8 @@ TEST_F(PostgresJobStoreTest, DeadlockIsTriedAgain) {
   });
   waits_for_us.join();
   EXPECT_TRUE(job.ok()) << job.status();
-  EXPECT_EQ(calls, 2);
+  // The second try may have the row before the other one, and they wait for each other again.
+  EXPECT_GE(calls, 2);
   EXPECT_EQ(store_->Events("a1", 0, 10)->size(), 1u);
 }
 
