@@ -2,6 +2,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <thread>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/image.h"
+#include "engine/core/json_text.h"
 #include "engine/core/parallel.h"
 #include "engine/core/rng.h"
 #include "engine/core/splats.h"
@@ -34,6 +36,15 @@ TEST(Error, CarriesReasonAndField) {
   EXPECT_EQ(GetErrorDetail(status)->reason, "IMAGE_TRUNCATED");
   EXPECT_EQ(GetErrorDetail(status)->field, "images[a.jpg]");
   EXPECT_FALSE(GetErrorDetail(absl::InternalError("x")).has_value());
+}
+
+TEST(JsonText, TakesNamesThatAreNoUtf8AndIsReadBack) {
+  const nlohmann::json json = {{"name", "caf\xe9.jpg"}, {"sides", {3, 4}}};
+  EXPECT_EQ(JsonText(json), "{\"name\":\"caf\xef\xbf\xbd.jpg\",\"sides\":[3,4]}");
+  EXPECT_EQ(ParseJson(JsonText(json, 2))["sides"], json["sides"]);
+  const nlohmann::ordered_json ordered = {{"z", 1}, {"a", "\xff"}};
+  EXPECT_EQ(JsonText(ordered), "{\"z\":1,\"a\":\"\xef\xbf\xbd\"}");
+  EXPECT_TRUE(ParseJson("{\"name\": ").is_discarded());
 }
 
 TEST(CancelToken, CopiesShareTheFlag) {

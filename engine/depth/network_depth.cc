@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/quantile.h"
+#include "engine/onnx/onnx_net.h"
 
 namespace litags {
 namespace {
@@ -28,10 +29,19 @@ bool ToDepth(bool inverse, Planes* map) {
   return true;
 }
 
+OnnxPhotoOptions InputOf(const DepthNetwork& network) {
+  OnnxPhotoOptions input;
+  input.width = network.width;
+  input.height = network.height;
+  input.mean = network.mean;
+  input.std = network.std;
+  return input;
+}
+
 class NetworkDepthProvider : public DepthProvider {
  public:
-  NetworkDepthProvider(OnnxNet net, NetworkDepthOptions options, std::string_view field)
-      : net_(std::move(net)), options_(std::move(options)), field_(field) {}
+  NetworkDepthProvider(OnnxNet net, const DepthNetwork& network, std::string_view field)
+      : net_(std::move(net)), network_(network), field_(field) {}
 
   absl::StatusOr<std::vector<std::optional<DepthMap>>> Maps(absl::Span<const PosedPhoto> photos,
                                                             const CancelToken& cancel,
@@ -53,13 +63,13 @@ class NetworkDepthProvider : public DepthProvider {
     const Photo& photo = p.target != nullptr ? *p.target : *p.photo;
     try {
       LITAGS_ASSIGN_OR_RETURN(Planes map,
-                              net_.Run({{"", OnnxPhoto(PhotoToU8(photo), options_.input)}}));
+                              net_.Run({{"", OnnxPhoto(PhotoToU8(photo), InputOf(network_))}}));
       if (map.channels != 1) {
         return InvalidInput("DEPTH_NETWORK_OUTPUT", field_,
-                            absl::StrCat(field_, ": ", options_.path, " gives ", map.channels,
+                            absl::StrCat(field_, ": ", network_.path, " gives ", map.channels,
                                          " planes; a depth network gives one"));
       }
-      if (!ToDepth(options_.inverse, &map)) return Planes();
+      if (!ToDepth(network_.inverse, &map)) return Planes();
       return AverageDown(map, photo.width, photo.height);
     } catch (const cv::Exception& e) {
       return MakeError(absl::StatusCode::kInternal, "DEPTH_NETWORK_RESIZE", field_,
@@ -68,17 +78,17 @@ class NetworkDepthProvider : public DepthProvider {
   }
 
   OnnxNet net_;
-  const NetworkDepthOptions options_;
+  const DepthNetwork network_;
   const std::string field_;
 };
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<DepthProvider>> MakeNetworkDepthProvider(
-    const NetworkDepthOptions& options, std::string_view field) {
-  LITAGS_RETURN_IF_ERROR(options.input.Validate(field));
-  LITAGS_ASSIGN_OR_RETURN(OnnxNet net, OnnxNet::Load(options.path, field));
-  return std::make_unique<NetworkDepthProvider>(std::move(net), options, field);
+absl::StatusOr<std::unique_ptr<DepthProvider>> MakeNetworkDepthProvider(const DepthNetwork& network,
+                                                                        std::string_view field) {
+  LITAGS_RETURN_IF_ERROR(InputOf(network).Validate(field));
+  LITAGS_ASSIGN_OR_RETURN(OnnxNet net, OnnxNet::Load(network.path, field));
+  return std::make_unique<NetworkDepthProvider>(std::move(net), network, field);
 }
 
 }  // namespace litags

@@ -39,7 +39,7 @@ class NetworkDepth : public testing::Test {
   }
 
   absl::StatusOr<std::optional<DepthMap>> Depth(const Photo& photo, const Photo* target) {
-    auto provider = MakeNetworkDepthProvider(options_, "depth_model");
+    auto provider = MakeNetworkDepthProvider(network_, "depth_model");
     if (!provider.ok()) return provider.status();
     const View view{"a.jpg", {}};
     auto maps = (*provider)->Maps({{&view, &photo, target}}, CancelToken(), [](int, int) {});
@@ -48,13 +48,13 @@ class NetworkDepth : public testing::Test {
   }
 
   void SetUp() override {
-    options_.path = Model(1, 1);
-    options_.input.width = 6;
-    options_.input.height = 4;
+    network_.path = Model(1, 1);
+    network_.width = 6;
+    network_.height = 4;
   }
 
   TempDir dir_;
-  NetworkDepthOptions options_;
+  DepthNetwork network_;
 };
 
 TEST_F(NetworkDepth, InverseDepthBecomesDepthOfTheNetworksSize) {
@@ -81,7 +81,7 @@ TEST_F(NetworkDepth, AMapLargerThanThePhotoIsAveragedDown) {
 }
 
 TEST_F(NetworkDepth, DepthIsTakenAsItIs) {
-  options_.inverse = false;
+  network_.inverse = false;
   const auto map = Depth(Ramp(), nullptr);
   ASSERT_TRUE(map.ok()) << map.status();
   EXPECT_NEAR((*map)->depth.at(0, 3, 0), 0, 1e-5);
@@ -104,11 +104,31 @@ TEST_F(NetworkDepth, APhotoWhereAllIsAlikeHasNoMap) {
 }
 
 TEST_F(NetworkDepth, NetworksThatDoNotFitAreRefusedByTheOptionsName) {
-  options_.path = Model(2, 1);
+  network_.path = Model(2, 1);
   EXPECT_EQ(Reason(Depth(Ramp(), nullptr).status()), "DEPTH_NETWORK_OUTPUT");
-  options_.path = dir_ / "none.onnx";
+  network_.path = dir_ / "none.onnx";
   EXPECT_EQ(Reason(Depth(Ramp(), nullptr).status()), "NO_SUCH_FILE");
   EXPECT_EQ(GetErrorDetail(Depth(Ramp(), nullptr).status())->field, "depth_model");
+}
+
+TEST(DepthNetwork, IsReadFromText) {
+  const auto network = DepthNetwork::Parse(
+      "/m/depth.onnx,size=518x392,mean=0.5:0.4:0.3,std=1:2:3,output=depth", "--depth-model");
+  ASSERT_TRUE(network.ok()) << network.status();
+  EXPECT_EQ(network->path, "/m/depth.onnx");
+  EXPECT_EQ(network->width, 518);
+  EXPECT_EQ(network->height, 392);
+  EXPECT_EQ(network->mean, (std::array<double, 3>{0.5, 0.4, 0.3}));
+  EXPECT_EQ(network->std, (std::array<double, 3>{1, 2, 3}));
+  EXPECT_FALSE(network->inverse);
+  EXPECT_TRUE(DepthNetwork::Parse("", "f")->path.empty());
+  EXPECT_TRUE(DepthNetwork::Parse("a.onnx", "f")->inverse);
+  for (const char* bad : {"a,size=518", "a,size=0x5", "a,mean=1:2", "a,std=1:x:2", "a,output=both",
+                          "a,colour=red", "a,size", "a,mean=1:nan:2"}) {
+    const absl::Status status = DepthNetwork::Parse(bad, "--depth-model").status();
+    EXPECT_EQ(Reason(status), "DEPTH_MODEL_SETTING") << bad;
+    EXPECT_EQ(GetErrorDetail(status)->field, "--depth-model");
+  }
 }
 
 }  // namespace

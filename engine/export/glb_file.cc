@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 
 namespace litags {
 namespace {
@@ -36,7 +37,7 @@ absl::StatusOr<std::string> EncodeGlbFile(GlbBuffer buffer, const nlohmann::json
       {"bufferViews", std::move(buffer.views_)},
       {"accessors", std::move(buffer.accessors_)}};
   gltf.update(more);
-  std::string json = gltf.dump();
+  std::string json = JsonText(gltf);
   Pad(' ', &json);
   // In place: the bytes may be most of what memory there is.
   std::string out = std::move(buffer.bytes_);

@@ -3,6 +3,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/export/readers.h"
 #include "engine/io/byte_reader.h"
 
@@ -44,7 +45,7 @@ absl::StatusOr<ViewerScene> DecodeGlb(std::string_view bytes) {
       !reader.Read(&type) || !reader.ReadBytes(size, &binary)) {
     return Corrupt("no .glb");
   }
-  const auto gltf = nlohmann::json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const auto gltf = ParseJson(text);
   if (!gltf.is_object() || gltf["extensionsUsed"][0] != "KHR_gaussian_splatting") {
     return Corrupt("a .glb without Gaussians");
   }

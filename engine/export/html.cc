@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/export/formats.h"
 #include "engine/viewer/viewer.h"
 
@@ -36,7 +37,7 @@ std::string CamerasOf(const ViewerScene& scene) {
                     {"up", VectorOf(scene.up_direction)},
                     {"radius", scene.radius}};
   // A name may hold bytes that are no UTF-8.
-  const std::string text = all.dump(-1, ' ', false, Json::error_handler_t::replace);
+  const std::string text = JsonText(all);
   return absl::StrReplaceAll(text, {{"<", "\\u003c"}});
 }
 

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/export/codebook.h"
 #include "engine/export/formats.h"
 #include "engine/export/quantize.h"
@@ -193,7 +194,7 @@ absl::StatusOr<std::string> EncodeSog(const ViewerScene& scene) {
       splats, kShDc, "sh0", "sh0.webp",
       [&](size_t i) { return PackByte(255 * Opacity(splats, i)); }, &bundle));
   LITAGS_RETURN_IF_ERROR(AddHarmonics(scene, &bundle));
-  bundle.files.insert(bundle.files.begin(), {"meta.json", bundle.meta.dump()});
+  bundle.files.insert(bundle.files.begin(), {"meta.json", JsonText(bundle.meta)});
   return StoredZip(bundle.files);
 }
 

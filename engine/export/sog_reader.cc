@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/export/quantize.h"
 #include "engine/export/readers.h"
 
@@ -66,8 +67,7 @@ absl::Status ReadHarmonics(std::string_view zip, const nlohmann::json& meta, Vie
 }  // namespace
 
 absl::StatusOr<ViewerScene> DecodeSog(std::string_view bytes) {
-  const auto meta =
-      nlohmann::json::parse(StoredFile(bytes, "meta.json"), nullptr, /*allow_exceptions=*/false);
+  const auto meta = ParseJson(StoredFile(bytes, "meta.json"));
   if (!meta.is_object() || meta.value("version", 0) != 2) return Corrupt("no .sog of version 2");
   const size_t count = meta["count"];
   ViewerScene scene;

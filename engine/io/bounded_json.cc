@@ -6,6 +6,7 @@
 #include <string>
 
 #include "absl/strings/numbers.h"
+#include "engine/core/json_text.h"
 #include "engine/io/io_error.h"
 
 namespace litags {
@@ -67,7 +68,7 @@ bool ReadNumbers(const Json& value, std::span<double> out) {
 
 std::string TextOf(const Json& value) {
   if (value.is_string()) return value.get<std::string>();
-  return value.is_number_integer() ? value.dump() : "";
+  return value.is_number_integer() ? JsonText(value) : "";
 }
 
 const Json& Member(const Json& object, const char* key) {

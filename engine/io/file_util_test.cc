@@ -14,6 +14,7 @@
 #include "engine/core/sync_test_util.h"
 #include "engine/io/link_file.h"
 #include "engine/io/test_util.h"
+#include "engine/io/work_folder.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -207,6 +208,24 @@ TEST(NameIndex, FindsNamesAsOtherProgramsWriteThem) {
   EXPECT_EQ(index.Find("clip.2024.frame_3"), std::nullopt);
   EXPECT_EQ(index.Find("S\u00FCd 1.jpg"), 2u);
   EXPECT_EQ(index.Find("%C3%9F%20(1).png"), 3u);
+}
+
+TEST(MakeEmptyFolder, LeavesNothingOfWhatWasThereAndSaysWhatItCannotMake) {
+  TempDir dir;
+  const std::string folder = dir / "run/sfm";
+  ASSERT_TRUE(MakeEmptyFolder(folder).ok());
+  ASSERT_TRUE(WriteFileAtomically(folder + "/left", "x").ok());
+  ASSERT_TRUE(MakeFolder(folder).ok());
+  EXPECT_EQ(CountFiles(folder), 1);
+  ASSERT_TRUE(MakeEmptyFolder(folder).ok());
+  EXPECT_EQ(CountFiles(folder), 0);
+
+  ASSERT_TRUE(WriteFileAtomically(dir / "file", "x").ok());
+  for (const absl::Status& refused :
+       {MakeFolder(dir / "file/sfm"), MakeEmptyFolder(dir / "file/sfm")}) {
+    EXPECT_EQ(Reason(refused), "FOLDER_NOT_WRITABLE");
+    EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr("file/sfm"));
+  }
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/core/json_text.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
 #include "engine/io/model_util.h"
@@ -52,7 +53,7 @@ constexpr std::string_view kKeys[] = {"file_path",
 
 // A value for a message; of lists and objects only the type.
 std::string Describe(const Json& value) {
-  return value.is_structured() ? value.type_name() : value.dump();
+  return value.is_structured() ? value.type_name() : JsonText(value);
 }
 
 // Goes through a transforms.json without ever holding more of it than one frame: a file of 16 MiB
@@ -391,7 +392,7 @@ absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_v
     const std::string where = absl::StrCat(Absl(field), ".frames[", parser.frames(), "]");
     LITAGS_ASSIGN_OR_RETURN(LoadedView view, ReadFrame(frame, top, where, sizes));
     // Merged captures list frames twice.
-    if (!seen.insert(frame.dump()).second) return absl::OkStatus();
+    if (!seen.insert(JsonText(frame)).second) return absl::OkStatus();
     views.push_back(std::move(view));
     return absl::OkStatus();
   };

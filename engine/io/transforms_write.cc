@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/json_text.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
 #include "engine/io/transforms_io.h"
@@ -74,7 +75,7 @@ std::string FormatTransforms(const SparseModel& model, std::string_view image_fo
     frames.push_back(std::move(frame));
   }
   top["frames"] = std::move(frames);
-  return top.dump(1) + "\n";
+  return JsonText(top, 1) + "\n";
 }
 
 absl::Status WriteTransforms(const std::string& path, const SparseModel& model,

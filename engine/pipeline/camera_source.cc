@@ -14,16 +14,17 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/io/bundler_io.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/work_folder.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/given_cameras.h"
 #include "engine/pipeline/local_origin.h"
 #include "engine/pipeline/wide_photos.h"
-#include "engine/pipeline/work_folders.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -37,10 +38,6 @@ constexpr int64_t kMaxRegistrationFile = int64_t{64} << 20;
 std::string KeptFolder(const ReconstructInput& input) { return input.work_dir + "/cameras"; }
 
 // JSON text; names of files need not be UTF-8.
-std::string Dump(const Json& json) {
-  return json.dump(1, ' ', false, Json::error_handler_t::replace);
-}
-
 // Of the files that ReadCameras reads.
 std::string FingerprintOfCameras(const std::string& path) {
   Fingerprint f;
@@ -84,7 +81,7 @@ Json SourceOf(const ReconstructInput& input, const ReconstructOptions& options,
     source["seed"] = options.seed;  // of COLMAP's random numbers
   }
   if (!masks.empty()) source["masks"] = FingerprintOfMasks(masks);
-  return Json::parse(Dump(source));  // as it will be read back
+  return ParseJson(JsonText(source));  // as it will be read back
 }
 
 // Registration that COLMAP produced, next to the model in work_dir/cameras. Of the report's notes,
@@ -102,7 +99,7 @@ absl::Status SaveRegistration(const std::string& dir, const Json& source, const 
                      {"notes", notes},
                      {"source", source}};
   // Last: its presence says that the folder is whole.
-  return WriteFileAtomically(dir + "/registration.json", Dump(json));
+  return WriteFileAtomically(dir + "/registration.json", JsonText(json, 1));
 }
 
 // Nothing if the cameras in `dir` were found from something else than `source`. Their notes take
@@ -112,7 +109,7 @@ absl::StatusOr<std::optional<SparseModel>> LoadRegistration(const std::string& d
                                                             ReconstructReport* report) {
   LITAGS_ASSIGN_OR_RETURN(const std::string text,
                           ReadFile(dir + "/registration.json", "cameras", kMaxRegistrationFile));
-  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const Json json = ParseJson(text);
   if (!json.is_object() || !json.contains("dropped") || !json.contains("preparation") ||
       !json.contains("notes")) {
     return MakeError(absl::StatusCode::kDataLoss, "REGISTRATION_CORRUPT", "cameras",

@@ -47,17 +47,6 @@ const char* Describe(DepthOrigin origin) {
   return "no source";
 }
 
-absl::StatusOr<std::unique_ptr<DepthProvider>> MakeNetwork(const DepthNetwork& network) {
-  NetworkDepthOptions options;
-  options.path = network.path;
-  options.input.width = network.width;
-  options.input.height = network.height;
-  options.input.mean = network.mean;
-  options.input.std = network.std;
-  options.inverse = network.inverse;
-  return MakeNetworkDepthProvider(options, "depth_model");
-}
-
 absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(const Context& context,
                                                             DepthOrigin origin,
                                                             absl::Span<const SparsePoint> points,
@@ -67,7 +56,7 @@ absl::StatusOr<std::unique_ptr<DepthProvider>> MakeProvider(const Context& conte
     case DepthOrigin::kMaps:
       return MakeFolderDepthProvider(input.depth_dir, &context.report->notes);
     case DepthOrigin::kNetwork:
-      return MakeNetwork(input.depth_network);
+      return MakeNetworkDepthProvider(input.depth_network, "depth_model");
     case DepthOrigin::kStereo: {
       StereoOptions stereo;
       stereo.threads = context.options.threads;

@@ -283,25 +283,5 @@ TEST(DepthMaps, ANetworkGivesMapsOfEveryPhoto) {
   EXPECT_FALSE(Bytes(Maps(input)) == kept);
 }
 
-TEST(DepthNetwork, IsReadFromText) {
-  const auto network = DepthNetwork::Parse(
-      "/m/depth.onnx,size=518x392,mean=0.5:0.4:0.3,std=1:2:3,output=depth", "--depth-model");
-  ASSERT_TRUE(network.ok()) << network.status();
-  EXPECT_EQ(network->path, "/m/depth.onnx");
-  EXPECT_EQ(network->width, 518);
-  EXPECT_EQ(network->height, 392);
-  EXPECT_EQ(network->mean, (std::array<double, 3>{0.5, 0.4, 0.3}));
-  EXPECT_EQ(network->std, (std::array<double, 3>{1, 2, 3}));
-  EXPECT_FALSE(network->inverse);
-  EXPECT_TRUE(DepthNetwork::Parse("", "f")->path.empty());
-  EXPECT_TRUE(DepthNetwork::Parse("a.onnx", "f")->inverse);
-  for (const char* bad : {"a,size=518", "a,size=0x5", "a,mean=1:2", "a,std=1:x:2", "a,output=both",
-                          "a,colour=red", "a,size", "a,mean=1:nan:2"}) {
-    const absl::Status status = DepthNetwork::Parse(bad, "--depth-model").status();
-    EXPECT_EQ(Reason(status), "DEPTH_MODEL_SETTING") << bad;
-    EXPECT_EQ(GetErrorDetail(status)->field, "--depth-model");
-  }
-}
-
 }  // namespace
 }  // namespace litags

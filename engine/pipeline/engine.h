@@ -3,35 +3,21 @@
 #ifndef LITAGS_ENGINE_PIPELINE_ENGINE_H_
 #define LITAGS_ENGINE_PIPELINE_ENGINE_H_
 
-#include <array>
 #include <memory>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
 #include "engine/core/image.h"
+#include "engine/depth/depth_network.h"
 #include "engine/io/rig.h"
 #include "engine/pipeline/options.h"
 #include "engine/pipeline/report.h"
 #include "engine/pipeline/scene.h"
 
 namespace litags {
-
-// A monocular depth network as an ONNX file: the operator's, or the user's of a command line.
-struct DepthNetwork {
-  std::string path;                                 // empty: there is none
-  int width = 384, height = 384;                    // px of its input
-  std::array<double, 3> mean = {.485, .456, .406};  // of RGB in [0, 1] (ImageNet)
-  std::array<double, 3> std = {.229, .224, .225};
-  bool inverse = true;  // gives inverse depth (MiDaS, Depth Anything), else depth (Marigold)
-
-  // From "FILE[,size=518x518][,mean=0.5:0.5:0.5][,std=0.5:0.5:0.5][,output=inverse|depth]".
-  // INVALID_ARGUMENT naming `field`. Empty text: no network.
-  static absl::StatusOr<DepthNetwork> Parse(std::string_view text, std::string_view field);
-};
 
 struct ReconstructInput {
   std::string images_dir;    // photos, flat; names are the views' names
@@ -63,7 +49,7 @@ class Engine {
   // Photos to scene. Several may run at once, each in a work_dir of its own: one that another run
   // is in is refused (FAILED_PRECONDITION, WORK_DIR_IN_USE). OpenCV's number of threads belongs to
   // the process: the run that began last sets it, and each puts back what it found.
-  // No input may lie in a folder that the run clears (INPUT_IN_WORK_DIR). Resumes
+  // No input may lie in a folder that the run writes into (INPUT_IN_WORK_DIR). Resumes
   // from work_dir's checkpoint if there is one made from the same photos and options, save more
   // iterations of the same schedule. CANCELLED soon after the token is raised; INVALID_ARGUMENT or
   // FAILED_PRECONDITION (with an ErrorDetail) if the photos cannot give a scene. `observer` may be

@@ -1,4 +1,5 @@
 #include "engine/pipeline/report.h"
+#include "engine/core/json_text.h"
 
 #include <nlohmann/json.hpp>
 
@@ -37,7 +38,7 @@ std::string ReconstructReport::ToJson() const {
                                {"depth_used", depth_used},
                                {"notes", notes},
                                {"scene_path", scene_path}};
-  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return JsonText(json, 2) + "\n";
 }
 
 }  // namespace litags

@@ -11,6 +11,7 @@
 #include "engine/core/camera_spread.h"
 #include "engine/core/error.h"
 #include "engine/core/finite.h"
+#include "engine/core/json_text.h"
 #include "engine/io/container.h"
 #include "engine/pipeline/model_scene.h"
 #include "engine/render/renderer.h"
@@ -110,7 +111,8 @@ absl::Status ReadMeta(const Container& file, const std::string& path, Model* mod
   LITAGS_ASSIGN_OR_RETURN(const std::string_view meta, file.Section("meta"));
   LITAGS_ASSIGN_OR_RETURN(const std::string_view splats, file.Section("splats"));
   try {
-    const Json json = Json::parse(meta);
+    const Json json = ParseJson(meta);
+    if (json.is_discarded()) return Damaged(path, "its description is no JSON");
     model->lita = json.at("lita").get<bool>();
     model->use_pdm = json.at("use_pdm").get<bool>();
     const bool antialiased = file.version() >= 2 && json.at("antialiased").get<bool>();
@@ -227,7 +229,7 @@ absl::Status SaveScene(const std::string& path, const Model& model,
   if (version > kWithoutOrigin) json["origin"] = model.origin;
   if (version > kWithoutNearPlane) json["near_plane"] = model.near_plane;
   ContainerWriter out(kKind, version);
-  out.AddSection("meta", json.dump(-1, ' ', false, Json::error_handler_t::replace));
+  out.AddSection("meta", JsonText(json));
   out.AddSection("names", JoinNames(views));
   const AlignedFloats& data = model.splats.data();
   out.AddSectionView("splats",

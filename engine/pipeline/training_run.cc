@@ -85,9 +85,8 @@ absl::Status TrainingRun::Resume() {
         absl::StrCat("a checkpoint of other photos or options was found; ", kFromTheBeginning));
     return absl::OkStatus();
   }
-  // Damaged, foreign or too new: a job must not fail for ever because of its leftovers.
-  if (absl::IsDataLoss(status) || absl::IsInvalidArgument(status) ||
-      absl::IsFailedPrecondition(status)) {
+  // A job must not fail for ever because of its leftovers.
+  if (IsOfNoUse(status)) {
     context_.Note(absl::StrCat("the checkpoint could not be used (", status.message(), "); ",
                                kFromTheBeginning));
     return absl::OkStatus();

@@ -15,11 +15,11 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
+#include "engine/io/work_folder.h"
 #include "engine/pipeline/photo_place.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/turned_view.h"
 #include "engine/pipeline/wide_photos.h"
-#include "engine/pipeline/work_folders.h"
 
 namespace litags {
 namespace {

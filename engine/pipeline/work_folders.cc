@@ -10,7 +10,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
-#include "engine/io/link_file.h"
 
 namespace litags {
 namespace {
@@ -30,12 +29,6 @@ fs::path Resolved(const fs::path& path) {
 bool LiesIn(const fs::path& path, const fs::path& folder) {
   return std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first ==
          folder.end();
-}
-
-absl::Status Written(const fs::path& path, const std::error_code& error) {
-  if (!error) return absl::OkStatus();
-  return MakeError(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_WRITABLE", "work_dir",
-                   absl::StrCat("cannot write ", path.string(), ": ", error.message()));
 }
 
 }  // namespace
@@ -61,17 +54,6 @@ absl::Status CheckInputsOutside(const ReconstructInput& input) {
   const std::string inputs[] = {input.images_dir, input.video_path, input.cameras_path,
                                 input.depth_dir, input.masks_dir};
   return CheckOutside(input.work_dir, written, inputs);
-}
-
-absl::Status MakeEmptyFolder(const fs::path& dir) {
-  std::error_code error;
-  fs::remove_all(dir, error);
-  if (!error) fs::create_directories(dir, error);
-  return Written(dir, error);
-}
-
-absl::Status LinkInWorkDir(const fs::path& target, const fs::path& link) {
-  return Written(link, LinkFile(target, link));
 }
 
 absl::StatusOr<FolderLock> LockWorkDir(const std::string& work_dir) {

@@ -25,12 +25,6 @@ absl::Status CheckOutside(const std::string& work_dir, absl::Span<const absl::st
 // The same of all that a run reads and all folders that it writes into.
 absl::Status CheckInputsOutside(const ReconstructInput& input);
 
-// An empty folder: what is there goes. FAILED_PRECONDITION (FOLDER_NOT_WRITABLE).
-absl::Status MakeEmptyFolder(const std::filesystem::path& dir);
-
-// LinkFile with that error.
-absl::Status LinkInWorkDir(const std::filesystem::path& target, const std::filesystem::path& link);
-
 // Holds the lock of a folder. It leaves no file there, ends with the process, and is no child's.
 using FolderLock = std::unique_ptr<DIR, int (*)(DIR*)>;
 

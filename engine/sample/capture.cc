@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/core/parallel.h"
 #include "engine/core/rng.h"
 #include "engine/io/depth_io.h"
@@ -109,7 +110,7 @@ absl::Status WriteCaptureJson(const CaptureOptions& options, const std::vector<V
                              {"low_gain", exposures.low_gain[i]},
                              {"over_exp_gain", exposures.over_gain[i]}});
   }
-  return WriteFileAtomically(out / "capture.json", json.dump(1) + "\n");
+  return WriteFileAtomically(out / "capture.json", JsonText(json, 1) + "\n");
 }
 
 // Levels of the photos, to be averaged over the views.

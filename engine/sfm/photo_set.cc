@@ -14,6 +14,7 @@
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
 #include "engine/io/image_io.h"
+#include "engine/io/work_folder.h"
 
 namespace litags {
 namespace {
@@ -123,15 +124,6 @@ Camera CameraOfPhoto(const Camera& of_copy, const PhotoFile& photo) {
   camera.width = photo.width;
   camera.height = photo.height;
   return camera;
-}
-
-absl::Status MakeFolder(const std::string& path) {
-  std::error_code error;
-  std::filesystem::create_directories(path, error);
-  if (!error) return absl::OkStatus();
-  return MakeError(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_WRITABLE", "work_dir",
-                   absl::StrCat("cannot make folder \"", path, "\": ", error.message(),
-                                "; check its place and its permissions"));
 }
 
 absl::Status WriteScratch(const std::string& path, const std::string& bytes) {

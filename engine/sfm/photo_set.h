@@ -61,9 +61,6 @@ absl::Status WriteCopies(const std::string& images_dir, const std::vector<PhotoF
                          const std::string& masks_dir, int threads, const CancelToken& cancel,
                          const std::function<void(double)>& progress);
 
-// A folder and its parents, made if missing; FAILED_PRECONDITION naming the path.
-absl::Status MakeFolder(const std::string& path);
-
 // Writes a file that is made anew after a crash, so without fsync. RESOURCE_EXHAUSTED DISK_FULL.
 absl::Status WriteScratch(const std::string& path, const std::string& bytes);
 

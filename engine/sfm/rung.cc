@@ -14,6 +14,7 @@
 #include "engine/core/spread_indices.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
+#include "engine/io/work_folder.h"
 #include "engine/sfm/colmap.h"
 #include "engine/sfm/colmap_database.h"
 #include "engine/sfm/colmap_keypoints.h"

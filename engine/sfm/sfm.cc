@@ -15,6 +15,7 @@
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/core/monotonic_seconds.h"
+#include "engine/io/work_folder.h"
 #include "engine/sfm/colmap_version.h"
 #include "engine/sfm/exposure.h"
 #include "engine/sfm/photo_set.h"
@@ -37,12 +38,6 @@ struct Capture {
   LightStats light;
   Exposure exposure = Exposure::kNormal;
 };
-
-absl::Status ClearFolder(const std::string& dir) {
-  std::error_code error;
-  fs::remove_all(dir, error);
-  return MakeFolder(dir);
-}
 
 // Copies and databases are large and of no further use; the logs stay.
 void DropBulk(const std::string& rung_dir) {
@@ -101,7 +96,7 @@ using TryRung = absl::FunctionRef<absl::StatusOr<RungOutput>(const RungInput&)>;
 absl::StatusOr<RungOutput> TryUnlessKilled(const RungInput& input, TryRung try_rung) {
   constexpr int kAttempts = 3;
   for (int attempt = 1;; ++attempt) {
-    LITAGS_RETURN_IF_ERROR(ClearFolder(input.dir));
+    LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(input.dir));
     auto output = try_rung(input);
     const auto detail = GetErrorDetail(output.status());
     if (!detail || detail->reason != "COLMAP_KILLED" || attempt == kAttempts) return output;
@@ -278,7 +273,7 @@ absl::StatusOr<SfmResult> FindCameras(const std::string& images_dir, const std::
   const int n = static_cast<int>(capture.photos.size());
   LITAGS_RETURN_IF_ERROR(CheckPhotoCount(n, n));
   LITAGS_RETURN_IF_ERROR(CheckVersion(options, cancel));
-  LITAGS_RETURN_IF_ERROR(ClearFolder(capture.dir));
+  LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(capture.dir));
   LITAGS_RETURN_IF_ERROR(Measure(capture));
 
   const int enough = static_cast<int>(std::ceil(options.enough_registered * n - 1e-9));
@@ -312,7 +307,7 @@ absl::StatusOr<SfmResult> TriangulatePoints(const std::string& images_dir,
       ListPhotoSet(images_dir, options.max_image_side, options.masks, options.rig_views));
   LITAGS_ASSIGN_OR_RETURN(capture.photos, PhotosOfViews(all, cameras));
   LITAGS_RETURN_IF_ERROR(CheckVersion(options, cancel));
-  LITAGS_RETURN_IF_ERROR(ClearFolder(capture.dir));
+  LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(capture.dir));
   LITAGS_RETURN_IF_ERROR(Measure(capture));
 
   const int64_t enough = kEnoughPointsPerView * static_cast<int64_t>(cameras.views.size());

@@ -72,12 +72,6 @@ absl::Status NotFiniteError(const std::string& field, const std::string& message
   return MakeError(absl::StatusCode::kInternal, "NOT_FINITE", field, message);
 }
 
-// Whether a checkpoint, by what LoadCheckpoint says of it, is not there, damaged or of another run.
-bool IsOfNoUse(const absl::Status& loaded) {
-  return absl::IsNotFound(loaded) || absl::IsDataLoss(loaded) || absl::IsInvalidArgument(loaded) ||
-         absl::IsFailedPrecondition(loaded);
-}
-
 }  // namespace
 
 struct Trainer::Impl {
@@ -412,6 +406,11 @@ const std::string& Trainer::checkpoint_target() const { return impl_->state.save
 absl::Status Trainer::SaveCheckpoint(const std::string& path,
                                      const std::string& fingerprint) const {
   return SaveTrainState(path, fingerprint, impl_->state);
+}
+
+bool IsOfNoUse(const absl::Status& loaded) {
+  return absl::IsNotFound(loaded) || absl::IsDataLoss(loaded) || absl::IsInvalidArgument(loaded) ||
+         absl::IsFailedPrecondition(loaded);
 }
 
 absl::Status Trainer::LoadCheckpoint(const std::string& path, const std::string& fingerprint,

@@ -25,6 +25,11 @@ struct PhaseSeconds {
   double forward = 0, denoise = 0, losses = 0, backward = 0, density = 0;
 };
 
+// Of what Trainer::LoadCheckpoint returned: whether the checkpoint is not there, damaged, or of
+// another run, so that training begins anew. Any other error may be one of a good checkpoint that
+// cannot be read now.
+bool IsOfNoUse(const absl::Status& loaded);
+
 // Trains one scene. Everything random is a function of (seed, iteration), so the result is the same
 // bytes for any thread count and across checkpoint and resume, on one SIMD target.
 class Trainer {

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/json_text.h"
 
 namespace litags {
 namespace {
@@ -189,7 +190,7 @@ void FromJson(const Json& json, Labels& labels) {
 template <typename R>
 std::string EncodeRecord(const R& record) {
   // Messages may hold bytes of other programs' output: replace what is not UTF-8.
-  return ToJson(record).dump(-1, ' ', false, Json::error_handler_t::replace);
+  return JsonText(ToJson(record));
 }
 
 }  // namespace
@@ -241,13 +242,18 @@ std::vector<std::string> Differences(const ReconstructOptions& a, const Reconstr
 
 template <typename T>
 absl::StatusOr<T> Decode(std::string_view text) {
+  const auto corrupt = [](const char* why) {
+    return MakeError(absl::StatusCode::kInternal, "STORE_CORRUPT", "",
+                     absl::StrCat("a stored record cannot be read: ", why));
+  };
+  const Json json = ParseJson(text);
+  if (json.is_discarded()) return corrupt("it is no JSON");
   try {
     T record;
-    FromJson(Json::parse(text), record);
+    FromJson(json, record);
     return record;
   } catch (const Json::exception& e) {
-    return MakeError(absl::StatusCode::kInternal, "STORE_CORRUPT", "",
-                     absl::StrCat("a stored record cannot be read: ", e.what()));
+    return corrupt(e.what());
   }
 }
 

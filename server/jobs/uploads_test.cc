@@ -1,12 +1,10 @@
 #include "server/jobs/uploads.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
 #include <optional>
-#include <thread>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -14,6 +12,7 @@
 #include "server/jobs/client_job_store.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
+#include "server/jobs/uploads_test_util.h"
 #include "server/store/digest.h"
 #include "server/testing/faulty_blob_store.h"
 #include "server/testing/temp_dir.h"
@@ -22,118 +21,6 @@ namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
-
-FileRecord Photo(const std::string& name, const std::string& bytes,
-                 FileRole role = FileRole::kPhoto) {
-  return {name, role, static_cast<int64_t>(bytes.size()), Sha256::Hex(bytes), 64, 48};
-}
-
-class UploadsTest : public ::testing::Test {
- protected:
-  UploadsTest() { Restart({}); }
-
-  // As a server does that starts again on the same data.
-  void Restart(UploadLimits limits) {
-    jobs_.reset();
-    blobs_.reset();
-    store_.reset();
-    store_ = *OpenSqliteJobStore(data_.database());
-    blobs_ = *OpenDiskBlobStore(data_.blobs());
-    jobs_ = std::make_unique<Jobs>(store_.get(), blobs_.get(), data_, clock_, limits);
-  }
-
-  Uploads& uploads() { return jobs_->uploads(); }
-  std::string NewJob() { return jobs_->Create({})->id; }
-
-  // A whole file at once.
-  absl::Status Add(const std::string& id, const std::string& name, const std::string& bytes,
-                   FileRole role = FileRole::kPhoto) {
-    const FileRecord file = Photo(name, bytes, role);
-    auto partial = uploads().Open(id, file, 0);
-    if (!partial.ok()) return partial.status();
-    LITAGS_RETURN_IF_ERROR((*partial)->Append(bytes));
-    return uploads().Add(id, file, (*partial)->path());
-  }
-
-  int64_t OffsetOf(const std::string& id, const FileRecord& file) {
-    const auto statuses = uploads().Query(id, {file});
-    EXPECT_TRUE(statuses.ok()) << statuses.status();
-    return statuses.ok() ? (*statuses)[0].offset : -1;
-  }
-
-  // Bytes of all files of jobs, the database left out.
-  int64_t BytesOnDisk() const {
-    int64_t bytes = 0;
-    for (const std::string& folder :
-         {data_.blobs(), data_.uploads(), data_.scratch(), data_.tmp()}) {
-      for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-        if (entry.is_regular_file()) bytes += static_cast<int64_t>(entry.file_size());
-      }
-    }
-    return bytes;
-  }
-
-  int64_t now_ms_ = 1'000'000'000;
-  Clock clock_ = [this] { return now_ms_; };
-  TempDir dir_;
-  DataDir data_ = *DataDir::Open(dir_.path());
-  std::unique_ptr<JobStore> store_;
-  std::unique_ptr<BlobStore> blobs_;
-  std::unique_ptr<Jobs> jobs_;
-};
-
-TEST_F(UploadsTest, WhatHasComeOfFilesCountsAgainstTheOwnersBytes) {
-  const auto alice = jobs_->For({.owner = "alice", .max_bytes = 1000});
-  const auto bob = jobs_->For({.owner = "bob", .max_bytes = 1000});
-  const std::string first = alice->Create({})->id, second = alice->Create({})->id;
-  const FileRecord broken = Photo("broken.jpg", std::string(800, 'x'));
-  ASSERT_TRUE((*alice->uploads().Open(first, broken, 0))->Append(std::string(600, 'x')).ok());
-
-  const FileRecord other = Photo("other.jpg", std::string(500, 'y'));
-  for (const std::string& id : {first, second}) {
-    const absl::Status refused = alice->uploads().Open(id, other, 0).status();
-    EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
-    EXPECT_EQ(Reason(refused), "BYTE_QUOTA_REACHED");
-    EXPECT_THAT(std::string(refused.message()), HasSubstr("would hold 1100 bytes"));
-  }
-  EXPECT_TRUE(bob->uploads().Open(bob->Create({})->id, other, 0).ok());
-  EXPECT_TRUE(jobs_->For({.owner = "alice"})->uploads().Open(second, other, 0).ok());  // no limit
-
-  // What is there of a file is not counted twice when the rest of it comes.
-  auto rest = alice->uploads().Open(first, broken, 600);
-  ASSERT_TRUE(rest.ok()) << rest.status();
-  ASSERT_TRUE((*rest)->Append(std::string(200, 'x')).ok());
-  ASSERT_TRUE(alice->uploads().Add(first, broken, (*rest)->path()).ok());
-  EXPECT_EQ(Reason(alice->uploads().Open(second, other, 0).status()), "BYTE_QUOTA_REACHED");
-  ASSERT_TRUE(alice->Delete(first).ok());
-  EXPECT_TRUE(alice->uploads().Open(second, other, 0).ok());
-}
-
-TEST_F(UploadsTest, StreamsAtTheSameTimeGetNoMoreThanTheOwnersBytes) {
-  constexpr int kThreads = 6;
-  const auto alice = jobs_->For({.owner = "alice", .max_bytes = 1000});
-  const std::string id = alice->Create({})->id;
-  std::vector<absl::StatusOr<std::unique_ptr<PartialFile>>> opened(kThreads);
-  {
-    std::vector<std::jthread> threads;
-    for (int i = 0; i < kThreads; ++i) {
-      threads.emplace_back([&, i] {
-        opened[i] = alice->uploads().Open(
-            id, Photo(absl::StrCat(i, ".jpg"), std::string(400, static_cast<char>('a' + i))), 0);
-      });
-    }
-  }
-  int taken = 0;
-  for (auto& file : opened) {
-    EXPECT_EQ(Reason(file.status()), file.ok() ? "" : "BYTE_QUOTA_REACHED");
-    taken += file.ok();
-  }
-  EXPECT_EQ(taken, 2);
-  // A stream that ends before it sent a byte makes room.
-  opened.clear();
-  EXPECT_TRUE(alice->uploads().Open(id, Photo("big.jpg", std::string(1000, 'z')), 0).ok());
-}
 
 // The rows of files that are read.
 class CountingJobStore : public ClientJobStore {
@@ -393,25 +280,6 @@ TEST_F(UploadsTest, SameBytesAreStoredOnceAndSentOnceForAllJobs) {
   EXPECT_FALSE(*uploads().Adopt(third, Photo("d.jpg", "other")));
 }
 
-TEST_F(UploadsTest, FilesAndBytesOfAJobAreBoundedThoseOnTheirWayIncluded) {
-  UploadLimits limits;
-  limits.max_files = 2;
-  limits.max_job_bytes = 100;
-  Restart(limits);
-  const std::string id = NewJob();
-  ASSERT_TRUE(Add(id, "a.jpg", "aaa").ok());
-  {
-    auto coming = *uploads().Open(id, Photo("b.jpg", "bbbb"), 0);
-    ASSERT_TRUE(coming->Append("bb").ok());
-  }
-  EXPECT_EQ(Reason(Add(id, "c.jpg", "ccc")), "TOO_MANY_FILES");
-  ASSERT_TRUE(Add(id, "b.jpg", "bbbb").ok());
-  EXPECT_EQ(Reason(Add(id, "c.jpg", "ccc")), "TOO_MANY_FILES");
-  // What is replaced is there until the job is started.
-  EXPECT_EQ(Reason(Add(id, "b.jpg", std::string(94, 'b'))), "JOB_TOO_LARGE");
-  EXPECT_TRUE(Add(id, "b.jpg", std::string(93, 'b')).ok());
-}
-
 TEST_F(UploadsTest, ReplacedBytesStayWhileAnotherServerMayComeToNameThemAndGoAfter) {
   const std::string id = NewJob();
   ASSERT_TRUE(Add(id, "a.jpg", "first").ok());
@@ -423,47 +291,6 @@ TEST_F(UploadsTest, ReplacedBytesStayWhileAnotherServerMayComeToNameThemAndGoAft
   EXPECT_EQ(BytesOnDisk(), 9);
   EXPECT_EQ(*blobs_->Get(BlobKey(id, Sha256::Hex("other one"))), "other one");
   EXPECT_TRUE(store_->JobsWithUnreferencedBlobs(10)->empty());
-}
-
-TEST_F(UploadsTest, ReplacedBytesCountAgainstTheOwnersUntilTheyAreGone) {
-  const auto alice = jobs_->For({.owner = "alice", .max_bytes = 1000});
-  const std::string id = alice->Create({})->id;
-  const auto add = [&](const std::string& job, char byte) -> absl::Status {
-    const FileRecord file = Photo("a.jpg", std::string(400, byte));
-    LITAGS_ASSIGN_OR_RETURN(auto partial, alice->uploads().Open(job, file, 0));
-    LITAGS_RETURN_IF_ERROR(partial->Append(std::string(400, byte)));
-    return alice->uploads().Add(job, file, partial->path());
-  };
-  ASSERT_TRUE(add(id, 'x').ok());
-  ASSERT_TRUE(add(id, 'y').ok());
-  EXPECT_EQ(Reason(add(id, 'z')), "BYTE_QUOTA_REACHED");
-  EXPECT_EQ(alice->Get(id)->bytes, 400);  // of the job's own files
-  ASSERT_TRUE(alice->Cancel(id).ok());
-  ASSERT_TRUE(jobs_->Sweep().ok());
-  EXPECT_TRUE(add(alice->Create({})->id, 'z').ok());
-}
-
-TEST_F(UploadsTest, AFileThatIsRemovedAndSentAgainCountsOnce) {
-  UploadLimits limits;
-  limits.max_job_bytes = 1000;
-  Restart(limits);
-  const std::string id = NewJob(), bytes(300, 'x');
-  for (int round = 0; round < 5; ++round) {
-    ASSERT_TRUE(Add(id, "a.jpg", bytes).ok()) << round;
-    EXPECT_EQ(store_->UsageOf("")->bytes, 300);
-    ASSERT_TRUE(*uploads().Remove(id, FileRole::kPhoto, "a.jpg"));
-    EXPECT_EQ(store_->UsageOf("")->bytes, 300);
-  }
-  // Nor when it is replaced, and comes back under another name.
-  ASSERT_TRUE(Add(id, "a.jpg", bytes).ok());
-  ASSERT_TRUE(Add(id, "a.jpg", std::string(200, 'y')).ok());
-  EXPECT_EQ(store_->UsageOf("")->bytes, 500);
-  ASSERT_TRUE(Add(id, "b.jpg", bytes).ok());
-  EXPECT_EQ(store_->UsageOf("")->bytes, 500);
-  // Bytes that the job still has under another name are no waste.
-  ASSERT_TRUE(*uploads().Adopt(id, Photo("c.jpg", bytes)));
-  ASSERT_TRUE(*uploads().Remove(id, FileRole::kPhoto, "b.jpg"));
-  EXPECT_EQ(store_->Get(id)->unreferenced_bytes, 0);
 }
 
 TEST_F(UploadsTest, AFileWhoseBytesAnotherJobLostIsSentAgainAndGivesThemBack) {

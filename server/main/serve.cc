@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
+#include "engine/core/machine_memory.h"
 #include "engine/core/sandbox.h"
 #include "engine/io/file_util.h"
 #include "server/api/convert.h"
@@ -31,7 +32,6 @@
 #include "server/reader/read_files_main.h"
 #include "server/store/open_stores.h"
 #include "server/webhooks/webhook_sender.h"
-#include "server/worker/machine.h"
 #include "server/worker/supervisor.h"
 
 namespace litags {
@@ -57,12 +57,11 @@ SupervisorOptions WorkersOf(const ServerFlags& flags, const std::string& worker_
   // Not as arguments: the store's URL may hold a password.
   workers.env = flags.places.Environment();
   pass("--threads", absl::StrCat(flags.threads));
-  const Resources found = FoundResources();
   const int share = std::max(1, flags.workers);
   int cores = flags.worker_cores;
-  if (cores == 0) cores = flags.threads > 0 ? flags.threads : std::max(1, found.cores / share);
+  if (cores == 0) cores = flags.threads > 0 ? flags.threads : std::max(1, MachineCores() / share);
   pass("--cores", absl::StrCat(cores));
-  pass("--memory", absl::StrCat(found.memory_bytes / share));
+  pass("--memory", absl::StrCat(MachineMemory() / share));
   if (!flags.worker_labels.empty()) {
     pass("--labels", absl::StrJoin(Sorted(flags.worker_labels), ","));
   }

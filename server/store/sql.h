@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -40,6 +41,17 @@ class SqlStatement {
   virtual int64_t Int(int column) const = 0;
   virtual std::string Text(int column) const = 0;
 };
+
+// Collects what `read` makes of each row.
+template <typename Read>
+auto ReadAll(SqlStatement& row, Read read) -> absl::StatusOr<std::vector<decltype(read(row))>> {
+  std::vector<decltype(read(row))> all;
+  for (;;) {
+    LITAGS_ASSIGN_OR_RETURN(const bool more, row.Step());
+    if (!more) return all;
+    all.push_back(read(row));
+  }
+}
 
 // A connection, or the transaction that is open on it. Not thread-safe.
 class SqlSession {

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/store/sql_files.h"
 
 namespace litags {
 namespace {
@@ -110,34 +111,7 @@ absl::Status UpdateJob(SqlSession& sql, const JobRecord& job) {
   return update->Run().status();
 }
 
-// Collects what `read` makes of each row.
-template <typename Read>
-auto ReadAll(SqlStatement& row, Read read) -> absl::StatusOr<std::vector<decltype(read(row))>> {
-  std::vector<decltype(read(row))> all;
-  for (;;) {
-    LITAGS_ASSIGN_OR_RETURN(const bool more, row.Step());
-    if (!more) return all;
-    all.push_back(read(row));
-  }
-}
-
 std::string ReadId(const SqlStatement& row) { return row.Text(0); }
-
-constexpr char kFileColumns[] = "role, name, size_bytes, sha256, width, height, about";
-
-// Order as kFileColumns.
-FileRecord ReadFile(const SqlStatement& row) {
-  FileRecord file;
-  int c = 0;
-  file.role = static_cast<FileRole>(row.Int(c++));
-  file.name = row.Text(c++);
-  file.size_bytes = row.Int(c++);
-  file.sha256 = row.Text(c++);
-  file.width = static_cast<int>(row.Int(c++));
-  file.height = static_cast<int>(row.Int(c++));
-  file.about = row.Text(c++);
-  return file;
-}
 
 class SqlJobTransaction : public JobTransaction {
  public:
@@ -169,20 +143,7 @@ class SqlJobTransaction : public JobTransaction {
 
   absl::Status PutFile(const FileRecord& file) override {
     LITAGS_ASSIGN_OR_RETURN(const auto old, File(file.role, file.name));
-    const auto upsert = sql_.Prepare(
-        "INSERT INTO files (job_id, role, name, size_bytes, sha256, width, height, "
-        "about) VALUES (?1,?2,?3,?4,?5,?6,?7,?8) ON CONFLICT (job_id, role, name) DO UPDATE SET "
-        "size_bytes=excluded.size_bytes, sha256=excluded.sha256, width=excluded.width, "
-        "height=excluded.height, about=excluded.about");
-    upsert->Bind(id_)
-        .Bind(static_cast<int64_t>(file.role))
-        .Bind(file.name)
-        .Bind(file.size_bytes)
-        .Bind(file.sha256)
-        .Bind(int64_t{file.width})
-        .Bind(int64_t{file.height})
-        .Bind(file.about);
-    LITAGS_RETURN_IF_ERROR(upsert->Run().status());
+    LITAGS_RETURN_IF_ERROR(UpsertFile(sql_, id_, file));
     if (old) Count(*old, -1);
     Count(file, 1);
     return absl::OkStatus();
@@ -191,9 +152,7 @@ class SqlJobTransaction : public JobTransaction {
   absl::Status RemoveFile(FileRole role, std::string_view name) override {
     LITAGS_ASSIGN_OR_RETURN(const auto old, File(role, name));
     if (!old) return absl::OkStatus();
-    const auto remove = sql_.Prepare("DELETE FROM files WHERE job_id=?1 AND role=?2 AND name=?3");
-    remove->Bind(id_).Bind(static_cast<int64_t>(role)).Bind(name);
-    LITAGS_RETURN_IF_ERROR(remove->Run().status());
+    LITAGS_RETURN_IF_ERROR(DeleteFile(sql_, id_, role, name));
     Count(*old, -1);
     return absl::OkStatus();
   }
@@ -411,47 +370,6 @@ absl::StatusOr<JobQueue> SelectQueue(SqlSession& sql) {
     if (!more) return queue;
     queue.running[running->Text(0)] = running->Int(1);
   }
-}
-
-absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string_view id) {
-  const auto row = sql.Prepare(
-      absl::StrCat("SELECT ", kFileColumns, " FROM files WHERE job_id=?1 ORDER BY role, name"));
-  row->Bind(id);
-  return ReadAll(*row, ReadFile);
-}
-
-absl::StatusOr<std::optional<FileRecord>> SelectFile(SqlSession& sql, std::string_view id,
-                                                     FileRole role, std::string_view name) {
-  const auto row = sql.Prepare(
-      absl::StrCat("SELECT ", kFileColumns, " FROM files WHERE job_id=?1 AND role=?2 AND name=?3"));
-  row->Bind(id).Bind(static_cast<int64_t>(role)).Bind(name);
-  LITAGS_ASSIGN_OR_RETURN(const bool found, row->Step());
-  if (!found) return std::nullopt;
-  return ReadFile(*row);
-}
-
-absl::StatusOr<FileTally> SelectTally(SqlSession& sql, std::string_view id, int64_t photos,
-                                      std::string_view sha256) {
-  // Photos, which are the most, are counted already, and have the first role.
-  const auto row = sql.Prepare(
-      "SELECT (SELECT COUNT(*) FROM files WHERE job_id=?1 AND role>1), "
-      "(SELECT COUNT(*) FROM files WHERE sha256=?2 AND job_id=?1)");
-  row->Bind(id).Bind(sha256);
-  LITAGS_RETURN_IF_ERROR(row->Step().status());
-  return FileTally{photos + row->Int(0), row->Int(1)};
-}
-
-absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::string_view id,
-                                                      FileRole role, std::string_view sha256) {
-  const auto row = sql.Prepare(absl::StrCat("SELECT ", kFileColumns,
-                                            ", job_id FROM files WHERE sha256=?1 AND role=?2 AND "
-                                            "(SELECT owner FROM jobs WHERE id=job_id) = "
-                                            "(SELECT owner FROM jobs WHERE id=?3) "
-                                            "ORDER BY job_id <> ?3 LIMIT 1"));
-  row->Bind(sha256).Bind(static_cast<int64_t>(role)).Bind(id);
-  LITAGS_ASSIGN_OR_RETURN(const bool found, row->Step());
-  if (!found) return std::nullopt;
-  return JobFile{row->Text(7), ReadFile(*row)};
 }
 
 absl::StatusOr<std::vector<EventRecord>> SelectEvents(SqlSession& sql, std::string_view id,

@@ -1,4 +1,4 @@
-// The statements about jobs, files and events, in the SQL that SQLite and PostgreSQL share.
+// The statements about jobs, their events and logs, in the SQL that SQLite and PostgreSQL share.
 // Internal to server/store.
 #ifndef LITAGS_SERVER_STORE_SQL_JOBS_H_
 #define LITAGS_SERVER_STORE_SQL_JOBS_H_
@@ -43,17 +43,8 @@ absl::StatusOr<JobQueue> SelectQueue(SqlSession& sql);
 absl::StatusOr<OwnerUsage> SelectUsage(SqlSession& sql, std::string_view owner,
                                        std::string_view but);
 absl::StatusOr<std::vector<std::string>> SelectUploading(SqlSession& sql, std::string_view owner);
-absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string_view id);
-absl::StatusOr<std::optional<FileRecord>> SelectFile(SqlSession& sql, std::string_view id,
-                                                     FileRole role, std::string_view name);
-// `photos`: how many of them the job has.
-absl::StatusOr<FileTally> SelectTally(SqlSession& sql, std::string_view id, int64_t photos,
-                                      std::string_view sha256);
-absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::string_view id,
-                                                      FileRole role, std::string_view sha256);
 absl::StatusOr<std::vector<EventRecord>> SelectEvents(SqlSession& sql, std::string_view id,
                                                       int64_t after, int limit);
-
 absl::StatusOr<std::vector<LogEntry>> SelectLog(SqlSession& sql, std::string_view id, int64_t after,
                                                 int limit);
 

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/core/utf8.h"
 #include "litags/v1/reconstruction_service.pb.h"
 #include "server/errors/to_grpc.h"
@@ -52,7 +53,7 @@ Answer Bytes(google::protobuf::Message* message) {
 
 // A token to try, from {"token": "..."}; empty if there is none that a cookie could hold.
 std::string TokenIn(std::string_view body) {
-  const auto parsed = nlohmann::json::parse(body, nullptr, /*allow_exceptions=*/false);
+  const auto parsed = ParseJson(body);
   if (!parsed.is_object() || !parsed.contains("token") || !parsed["token"].is_string()) return "";
   std::string token = parsed["token"].get<std::string>();
   return IsCookieValue(token) ? token : "";

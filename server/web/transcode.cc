@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/core/utf8.h"
 
 namespace litags::web {
@@ -63,7 +64,7 @@ int Depth(std::string_view text) {
 absl::StatusOr<json> ParseBody(std::string_view body) {
   if (body.find_first_not_of(" \t\r\n") == std::string_view::npos) return json::object();
   json parsed;
-  if (Depth(body) <= kMaxDepth) parsed = json::parse(body, nullptr, /*allow_exceptions=*/false);
+  if (Depth(body) <= kMaxDepth) parsed = ParseJson(body);
   if (!parsed.is_object()) {
     return InvalidInput("REQUEST_NOT_JSON", "body",
                         absl::StrCat("the body is not a JSON object nested at most ", kMaxDepth,

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "engine/core/json_text.h"
 #include "engine/core/utf8.h"
 
 namespace litags {
@@ -65,7 +66,7 @@ class JsonFormatter : public spdlog::formatter {
                              {"message", text}};
     AddWords(text, &object);
     // Bytes that are not UTF-8 become U+FFFD instead of an exception.
-    Append(object.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace), out);
+    Append(JsonText(object), out);
     out.push_back('\n');
   }
   std::unique_ptr<spdlog::formatter> clone() const override {

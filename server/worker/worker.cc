@@ -9,12 +9,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/machine_memory.h"
 #include "proto/arguments/arguments.h"
 #include "server/store/digest.h"
 #include "server/store/open_stores.h"
 #include "server/worker/hardening.h"
 #include "server/worker/log.h"
-#include "server/worker/machine.h"
 #include "server/worker/presence.h"
 #include "server/worker/scratch_folder.h"
 #include "server/worker/self_check.h"
@@ -53,10 +53,9 @@ void Rest(const absl::Status& error, const WorkerContext& context, const WorkerO
 
 // What the operator does not say the worker has, it finds out.
 void Complete(const HardeningOptions& hardening, WorkerOptions* options) {
-  const Resources found = FoundResources();
   Resources& has = options->has;
-  if (has.cores == 0) has.cores = options->threads > 0 ? options->threads : found.cores;
-  if (has.memory_bytes == 0) has.memory_bytes = found.memory_bytes;
+  if (has.cores == 0) has.cores = options->threads > 0 ? options->threads : MachineCores();
+  if (has.memory_bytes == 0) has.memory_bytes = MachineMemory();
   if (hardening.max_memory_bytes > 0) {
     has.memory_bytes = std::min(has.memory_bytes, hardening.max_memory_bytes);
   }

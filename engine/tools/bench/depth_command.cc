@@ -15,6 +15,7 @@
 #include "CLI/Formatter.hpp"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -161,8 +162,8 @@ absl::Status MeasureDepth(DepthArguments args) {
       {"within_5_percent", errors.within_5 / errors.known},
       {"within_2_percent_by_confidence", errors.weight_within_2 / errors.weight},
   };
-  std::printf("%s\n", json.dump(2).c_str());
-  return WriteJson(args.json, json.dump(2));
+  std::printf("%s\n", JsonText(json, 2).c_str());
+  return WriteJson(args.json, JsonText(json, 2));
 }
 
 }  // namespace

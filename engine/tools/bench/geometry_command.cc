@@ -10,6 +10,7 @@
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/export/formats.h"
 #include "engine/io/file_util.h"
 #include "engine/pipeline/scene_file.h"
@@ -112,7 +113,7 @@ absl::Status Run(const GeometryArguments& args) {
       "|---|---|---|---|---|---|---|---|\n");
   const nlohmann::json json = {{"points", Measure("points", points, truth)},
                                {"mesh", Measure("mesh", mesh, truth)}};
-  return WriteJson(args.json, json.dump(2));
+  return WriteJson(args.json, JsonText(json, 2));
 }
 
 }  // namespace

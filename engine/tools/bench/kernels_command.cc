@@ -9,6 +9,7 @@
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "absl/strings/str_cat.h"
+#include "engine/core/json_text.h"
 #include "engine/core/parallel.h"
 #include "engine/core/simd_target.h"
 #include "engine/render/binning.h"
@@ -265,7 +266,7 @@ void AddKernelsCommand(CLI::App* app, int* exit_status) {
   WhenGiven(command, exit_status, [args] {
     KernelBench bench(*args);
     bench.Run();
-    return WriteJson(args->json, bench.json().dump(2));
+    return WriteJson(args->json, JsonText(bench.json(), 2));
   });
 }
 

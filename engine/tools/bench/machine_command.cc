@@ -7,6 +7,7 @@
 #include "CLI/App.hpp"
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
+#include "engine/core/json_text.h"
 #include "engine/core/parallel.h"
 #include "engine/core/simd_target.h"
 #include "engine/tools/bench/command_options.h"
@@ -32,7 +33,7 @@ void AddMachineCommand(CLI::App* app, int* exit_status) {
       json["threads"].push_back(
           {{"threads", threads}, {"gflops", gflops}, {"gbytes_per_second", gbytes}});
     }
-    return WriteJson(*json_path, json.dump(2));
+    return WriteJson(*json_path, JsonText(json, 2));
   });
 }
 

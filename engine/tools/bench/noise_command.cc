@@ -10,6 +10,7 @@
 #include "CLI/Formatter.hpp"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/eval/metrics.h"
 #include "engine/eval/noise.h"
 #include "engine/io/image_io.h"
@@ -130,7 +131,7 @@ absl::Status MeasureNoise(const NoiseArguments& args) {
     json["noise_of_photos"] = noise;
     json["ratio_of_photos"] = noise / photo.noise;
   }
-  return WriteJson(args.json, json.dump(2));
+  return WriteJson(args.json, JsonText(json, 2));
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 #include "engine/tools/bench/reference_case.h"
+#include "engine/core/json_text.h"
 
 #include <algorithm>
 #include <cmath>
@@ -24,7 +25,8 @@ ReferenceCase::ReferenceCase(const std::string& folder)
     : folder_(folder), json_(std::make_unique<Json>()) {
   const auto text = ReadFile(folder + "/case.json", "case.json", int64_t{16} << 20);
   if (!text.ok()) throw CaseError(std::string(text.status().message()));
-  json_->root = nlohmann::json::parse(*text);
+  json_->root = ParseJson(*text);
+  if (json_->root.is_discarded()) throw CaseError("case.json is no JSON");
 }
 
 ReferenceCase::~ReferenceCase() = default;

@@ -11,6 +11,7 @@
 #include "CLI/Formatter.hpp"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/render/renderer.h"
 #include "engine/tools/bench/bench_scene.h"
@@ -99,7 +100,7 @@ absl::Status Run(const RenderArguments& args) {
   if (!args.save.empty()) {
     LITAGS_RETURN_IF_ERROR(SaveScene(args.save, model, BenchViews(args)));
   }
-  return WriteJson(args.json, json.dump(2));
+  return WriteJson(args.json, JsonText(json, 2));
 }
 
 }  // namespace

@@ -13,6 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/work_folders.h"
 #include "engine/tools/bench/command_options.h"
@@ -193,7 +194,7 @@ absl::Status Train(TrainArguments args) {
   json.update(JsonOf(scores));
   LITAGS_ASSIGN_OR_RETURN(json["other_sizes"], ScoreAlso(args, *scene, views));
   if (depth.has_value()) json["depth"] = ReportDepth(*depth);
-  return WriteJson(args.json, json.dump(2));
+  return WriteJson(args.json, JsonText(json, 2));
 }
 
 }  // namespace

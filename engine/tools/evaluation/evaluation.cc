@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/core/mask.h"
 #include "engine/eval/metrics.h"
 #include "engine/io/file_util.h"
@@ -46,12 +47,12 @@ std::string Scores::ToJson() const {
     rows.push_back(
         {{"view", v.name}, {"psnr", v.psnr}, {"ssim", v.ssim}, {"lpips", json_of(v.lpips)}});
   }
-  return nlohmann::json{{"views", rows},
-                        {"psnr", psnr},
-                        {"ssim", ssim},
-                        {"lpips", json_of(lpips)},
-                        {"psnr_affine", psnr_affine}}
-      .dump(2, ' ', false, nlohmann::json::error_handler_t::replace);
+  return JsonText(nlohmann::json{{"views", rows},
+                                 {"psnr", psnr},
+                                 {"ssim", ssim},
+                                 {"lpips", json_of(lpips)},
+                                 {"psnr_affine", psnr_affine}},
+                  2);
 }
 
 absl::Status Scorer::Add(const TestView& wanted, const ImageU8& picture) {

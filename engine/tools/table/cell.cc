@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/fingerprint.h"
@@ -111,14 +112,13 @@ std::string TableCell::EnhancerKey(const std::string& name) const {
 absl::Status KeepRow(const std::string& path, const std::string& key, const TableRow& row) {
   // The row's own text, so that rows have one format only.
   const nlohmann::json json = {{"key", key}, {"row", row.ToJson()}};
-  return WriteFileAtomically(
-      path, json.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  return WriteFileAtomically(path, JsonText(json, 1) + "\n");
 }
 
 std::optional<TableRow> KeptRow(const std::string& path, const std::string& key) {
   const auto text = ReadFile(path, path, kMaxRowBytes);
   if (!text.ok()) return std::nullopt;
-  const auto json = nlohmann::json::parse(*text, nullptr, /*allow_exceptions=*/false);
+  const auto json = ParseJson(*text);
   if (!json.is_object() || json.value("key", nlohmann::json()) != key) return std::nullopt;
   const nlohmann::json row = json.value("row", nlohmann::json());
   if (!row.is_string()) return std::nullopt;

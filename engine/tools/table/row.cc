@@ -4,15 +4,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/json_text.h"
 
 namespace litags {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-std::string Dump(const Json& json, int indent) {
-  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
-}
 
 Json JsonOf(const TableRow& r) {
   Json json = {{"scene", r.scene}, {"light", r.light}, {"method", r.method}};
@@ -43,7 +40,7 @@ Json JsonOf(const TableRow& r) {
 // A field of a line: quoted where it would break the line otherwise.
 std::string CsvField(const Json& value) {
   if (value.is_null()) return "";
-  if (!value.is_string()) return value.dump();
+  if (!value.is_string()) return JsonText(value);
   const std::string text = value.get<std::string>();
   if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
   std::string quoted = "\"";
@@ -53,7 +50,7 @@ std::string CsvField(const Json& value) {
 
 }  // namespace
 
-std::string TableRow::ToJson() const { return Dump(JsonOf(*this), 1); }
+std::string TableRow::ToJson() const { return JsonText(JsonOf(*this), 1); }
 
 absl::StatusOr<TableRow> ParseTableRow(std::string_view text, std::string_view field) {
   try {
@@ -97,7 +94,7 @@ absl::StatusOr<TableRow> ParseTableRow(std::string_view text, std::string_view f
 std::string TableJson(const std::vector<TableRow>& rows) {
   Json list = Json::array();
   for (const TableRow& row : rows) list.push_back(JsonOf(row));
-  return Dump(list, 1) + "\n";
+  return JsonText(list, 1) + "\n";
 }
 
 std::string TableCsv(const std::vector<TableRow>& rows) {

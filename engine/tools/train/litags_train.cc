@@ -235,7 +235,7 @@ absl::StatusOr<ReconstructInput> FindInput(Arguments* args) {
   return input;
 }
 
-absl::Status MakeFolder(const std::string& path) {
+absl::Status MakeOutputFolder(const std::string& path) {
   std::error_code error;
   fs::create_directories(path, error);
   if (!error) return absl::OkStatus();
@@ -273,7 +273,7 @@ absl::Status WriteResults(const Arguments& args, const ReconstructReport& report
 absl::Status Run(Arguments args, const CancelToken& cancel) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput input, FindInput(&args));
-  LITAGS_RETURN_IF_ERROR(MakeFolder(args.out));
+  LITAGS_RETURN_IF_ERROR(MakeOutputFolder(args.out));
   if (args.inspect || args.strict) {
     LITAGS_ASSIGN_OR_RETURN(const FolderLock lock, LockWorkDir(args.out));
     LITAGS_ASSIGN_OR_RETURN(input, PickFramesNow(input, args.options.frames, cancel));

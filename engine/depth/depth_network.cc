@@ -1,3 +1,5 @@
+#include "engine/depth/depth_network.h"
+
 #include <cmath>
 #include <vector>
 
@@ -5,7 +7,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
-#include "engine/pipeline/engine.h"
 
 namespace litags {
 namespace {
