@@ -13,9 +13,9 @@
 namespace litags {
 namespace {
 
-// Where no light fell there is nothing to brighten: black counts for at most this share of what is
-// lit, and so does what noise makes of black, so that a torch in the dark is exposed for what it
-// lights. Choice
+// Where no light fell there is nothing to brighten: what noise makes of black counts for at most
+// this share of what is lit, and black for at most this share of the two, so that a torch in the
+// dark is exposed for what it lights. Choice
 constexpr double kMostBlack = 0.1;
 
 // The light of a photo's squares, and the share of the photo that no light fell on.

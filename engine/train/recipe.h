@@ -1,7 +1,8 @@
-// The recipes: what each method optimises, with every constant and its reason.
+// The recipes: what each method optimises, with its constants and their reasons.
 //
-// A constant lives here and nowhere else. Its line in VisitFields gives it a check, a place in the
-// fingerprint of checkpoints and a name for `--set NAME=VALUE` of the research tools.
+// What methods differ in lives here, or in ToneOptions and PdmOptions, which a recipe holds; the
+// constants of one formula stand beside it. A constant's line in VisitFields gives it a check, a
+// place in the fingerprint of checkpoints and a name for `--set NAME=VALUE` of the research tools.
 #ifndef LITAGS_ENGINE_TRAIN_RECIPE_H_
 #define LITAGS_ENGINE_TRAIN_RECIPE_H_
 
