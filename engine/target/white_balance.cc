@@ -14,8 +14,8 @@ namespace {
 constexpr int kBlock = 4;  // px
 
 // Photos with a good white balance: median and covariance of ChromaticityOf() of 110 photos of all
-// kinds (68 of CBSD68, 24 of Kodak, 18 of McMaster). One of them lies 7.9 deviations off, all
-// others 4.2 or less; in the light of sodium lamps all lie beyond 5.
+// kinds (68 of CBSD68, 24 of Kodak, 18 of McMaster). One of them lies 7.9 deviations off and is
+// green (IsGreen), all others 4.2 or less; in the light of sodium lamps all lie beyond 5.
 constexpr Chromaticity kMean = {0.1048, -0.1927};
 constexpr double kRed = 0.0586, kCross = -0.0249, kBlue = 0.1064;
 constexpr double kImplausible = 5;  // deviations
@@ -46,6 +46,10 @@ double SquaredDeviations(const Chromaticity& d) {
          (kRed * kBlue - kCross * kCross);
 }
 
+// Whether green outshines both red and blue, beside the mean of photos: as foliage, a surface's
+// colour. Hot bodies and daylight go from red (red > green > blue) to blue (red < green < blue).
+bool IsGreen(const Chromaticity& from_mean) { return from_mean[0] < 0 && from_mean[1] < 0; }
+
 }  // namespace
 
 std::optional<Chromaticity> ChromaticityOf(const Photo& photo, const PlaneU8& mask) {
@@ -75,7 +79,8 @@ std::array<double, 3> SceneWhiteBalance(absl::Span<const Chromaticity> chromatic
     if (logs.empty()) return {1, 1, 1};
     from_mean[k] = Median(std::move(logs)) - kMean[k];
   }
-  if (SquaredDeviations(from_mean) < kImplausible * kImplausible) return {1, 1, 1};
+  if (SquaredDeviations(from_mean) < kImplausible * kImplausible || IsGreen(from_mean))
+    return {1, 1, 1};
   const auto gain = [](double log) { return std::exp(std::clamp(log, -kMostCast, kMostCast)); };
   return {gain(from_mean[0]), 1, gain(from_mean[1])};
 }

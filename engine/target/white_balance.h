@@ -28,8 +28,10 @@ std::optional<Chromaticity> ChromaticityOf(const Photo& photo, const PlaneU8& ma
 // Contract: {1, 1, 1}, exactly, unless the cast is implausibly strong: unless the medians lie five
 // deviations or more from the mean of photos with a good white balance. Then what they differ by
 // from that mean. So photos of warm or coloured rooms stay what they are, and only light that no
-// camera's white balance could take out is neutralised. Values are finite, from exp(-kMostCast) to
-// exp(kMostCast).
+// camera's white balance could take out is neutralised. Nor is there a cast where both red and blue
+// lie below that mean, so that green outshines both: lamps are red or blue against the sun, but
+// leaves and grass are green. A green lamp's light therefore stays as it is. Values are finite,
+// from exp(-kMostCast) to exp(kMostCast).
 std::array<double, 3> SceneWhiteBalance(absl::Span<const Chromaticity> chromaticities);
 
 inline constexpr double kMostCast = 2.8;  // log: 4 stops; more is noise

@@ -89,6 +89,18 @@ TEST(WhiteBalance, SodiumLightIsNeutralised) {
       cast, ElementsAre(DoubleNear(std::exp(0.72), 0.02), 1.0, DoubleNear(std::exp(-2.41), 0.01)));
 }
 
+TEST(WhiteBalance, GreenOfLeavesIsNoLight) {
+  // sRGB 100 130 60, 70 110 40, 30 60 20.
+  for (const Chromaticity c : {Chromaticity{-0.56, -1.6}, {-0.94, -2}, {-1.25, -1.87}})
+    EXPECT_THAT(SceneWhiteBalance({c, c, c}), ElementsAre(1, 1, 1)) << c[0] << " " << c[1];
+}
+
+TEST(WhiteBalance, BlueOfWaterIsNeutralised) {
+  const Chromaticity water = {-1.9, 0.1};
+  EXPECT_THAT(SceneWhiteBalance({water, water, water}),
+              ElementsAre(DoubleNear(std::exp(-2.0), 0.01), 1.0, DoubleNear(std::exp(0.29), 0.01)));
+}
+
 TEST(WhiteBalance, OnePhotoOfManyDecidesNothing) {
   EXPECT_THAT(SceneWhiteBalance({{0.1, -0.2}, {0.8, -2.7}, {0, -0.1}, {0.2, 0}, {0, 0}}),
               ElementsAre(1, 1, 1));
