@@ -133,7 +133,7 @@ TEST(Correlate, WhereThereIsOnlyNoiseTheAnswerIsNearZero) {
   for (const float fit : zncc) EXPECT_LT(std::abs(fit), 0.05);
 }
 
-// More than half of a clipped night photo is one value, so that its measured noise is 0.
+// Of a photo that is of one value the measured noise is 0.
 TEST(Correlate, OneValueFitsNothingWithoutNoiseEither) {
   const MatchImage textured = Textured(40, 30, 1);
   MatchImage black = textured;

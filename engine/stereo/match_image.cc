@@ -1,6 +1,7 @@
 #include "engine/stereo/match_image.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <vector>
@@ -25,15 +26,28 @@ cv::Mat Wrap(Planes* plane) {
   return cv::Mat(plane->height, plane->width, CV_32F, plane->data.data());
 }
 
-// Median absolute diagonal Haar coefficient / 0.6745 (Donoho and Johnstone 1994). NoiseEstimate
+// Values of `gray` that show no noise, since black or white cut it off: up to `black` if their
+// block is flat (photos of a few codes are noisy there), and from `white` on.
+struct CutOff {
+  float black = 0, white = 0;
+
+  bool Holds(const std::array<float, 4>& block) const {
+    constexpr float kFlat = 1e-6f;  // rounding of floats
+    const auto [least, most] = std::minmax_element(block.begin(), block.end());
+    return *least >= white || (*most <= black && *most - *least <= kFlat);
+  }
+};
+
+// Median absolute diagonal Haar coefficient / 0.6745 (Donoho and Johnstone 1994) of the blocks that
+// are not cut off, however many those are: a torch lights little of a night photo. NoiseEstimate
 // counts codes of a picture of [0, 1]; these are roots about 0 with no largest value.
-float HaarNoise(const Planes& gray) {
+float HaarNoise(const Planes& gray, const CutOff& cut_off) {
   std::vector<float> details;
   for (int y = 0; y + 1 < gray.height; y += 2) {
     for (int x = 0; x + 1 < gray.width; x += 2) {
-      details.push_back(std::abs(gray.at(0, y, x) - gray.at(0, y, x + 1) - gray.at(0, y + 1, x) +
-                                 gray.at(0, y + 1, x + 1)) /
-                        2);
+      const std::array<float, 4> v = {gray.at(0, y, x), gray.at(0, y, x + 1), gray.at(0, y + 1, x),
+                                      gray.at(0, y + 1, x + 1)};
+      if (!cut_off.Holds(v)) details.push_back(std::abs(v[0] - v[1] - v[2] + v[3]) / 2);
     }
   }
   return MedianInPlace(details) / 0.6745f;
@@ -70,8 +84,12 @@ absl::StatusOr<MatchImage> MakeMatchImage(const Photo& photo, const Camera& came
   const float mean = static_cast<float>(sum / light.data.size());
   const float gain = mean > 0 ? 1 / mean : 0;
   const float center = std::sqrt(1 + kBlack);
-  for (float& v : out.gray.data) v = std::sqrt(std::max(0.0f, v * gain + kBlack)) - center;
-  out.noise = HaarNoise(out.gray);
+  const auto root = [&](float v) { return std::sqrt(std::max(0.0f, v * gain + kBlack)) - center; };
+  for (float& v : out.gray.data) v = root(v);
+  // What 8 bits round to black and to white.
+  constexpr double kHalfCode = 0.5 / 255;
+  out.noise = HaarNoise(out.gray, {.black = root(LinearFromSrgb(kHalfCode)),
+                                   .white = root(LinearFromSrgb(1 - kHalfCode))});
   return out;
 }
 

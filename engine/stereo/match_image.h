@@ -11,7 +11,7 @@ namespace litags {
 struct MatchImage {
   Camera camera;    // of `gray`'s size
   Planes gray;      // [1, h, w], mean about 0
-  float noise = 0;  // standard deviation of the noise of `gray`
+  float noise = 0;  // standard deviation of the noise of `gray`, where nothing cuts it off
 };
 
 // The photo's camera, shrunk to `max_side` px (never grown).
