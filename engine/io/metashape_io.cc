@@ -76,6 +76,18 @@ struct Document {
   std::vector<PlacedCamera> cameras;
 };
 
+absl::Status Unsupported(std::string_view where, std::string_view what,
+                         std::string_view remedy = "export undistorted photos and their cameras") {
+  return InvalidField("UNSUPPORTED_CAMERA_MODEL", where,
+                      absl::StrCat("Metashape's ", Absl(what), " is not read; ", Absl(remedy)));
+}
+
+std::string WhereOf(std::string_view field, std::string_view label) {
+  return absl::StrCat(Absl(field), ".cameras[", Absl(label), "]");
+}
+
+constexpr std::string_view kSystem = "system of several cameras";
+
 // Finite numbers with blanks between them.
 bool ReadNumbers(std::string_view text, std::vector<double>* out) {
   out->clear();
@@ -162,6 +174,12 @@ class Reader {
     camera_->label = attributes.Get("label");
     camera_->sensor = attributes.Get("sensor_id");
     camera_->component = attributes.Get("component_id");
+    // The others of a system have no pose of their own: they stand beside their master.
+    if (attributes.Find("master_id") != nullptr && status_.ok()) {
+      status_ = Unsupported(WhereOf(field_, camera_->label), kSystem,
+                            "disable all but the masters (those without a master_id), and export "
+                            "the cameras again");
+    }
   }
 
   void EndLensNumber(const std::string& name) {
@@ -254,17 +272,11 @@ absl::StatusOr<Document> ReadDocument(std::string_view xml, std::string_view fie
   return context.reader.Take();
 }
 
-absl::Status Unsupported(std::string_view where, std::string_view what) {
-  return InvalidField("UNSUPPORTED_CAMERA_MODEL", where,
-                      absl::StrCat("Metashape's ", Absl(what),
-                                   " is not read; export undistorted photos and their cameras"));
-}
-
 // Metashape's P1 and P2 are OpenCV's p2 and p1. Pixels are counted from their corners.
 absl::Status ReadLens(const Sensor& sensor, std::string_view where, LoadedView* out) {
   Camera* camera = &out->view.camera;
   LITAGS_RETURN_IF_ERROR(SetSize(sensor.width, sensor.height, where, camera));
-  if (sensor.of_a_system) return Unsupported(where, "system of several cameras");
+  if (sensor.of_a_system) return Unsupported(where, kSystem);
   out->panorama = sensor.type == "spherical";
   if (out->panorama) {
     SetPanorama(camera);
@@ -354,7 +366,7 @@ absl::StatusOr<SparseModel> ParseMetashape(std::string_view xml, std::string_vie
   std::vector<LoadedView> views;
   for (const PlacedCamera& from : document.cameras) {
     if (from.component != component) continue;
-    const std::string where = absl::StrCat(Absl(field), ".cameras[", from.label, "]");
+    const std::string where = WhereOf(field, from.label);
     const auto sensor = document.sensors.find(from.sensor);
     if (sensor == document.sensors.end()) {
       return InvalidField("MISSING_KEY", where, "its sensor_id names no sensor");

@@ -326,6 +326,15 @@ TEST(MetashapeCameras, WhatCannotBeReadIsRefusedByName) {
   std::string system = Metashape("frame", "<f>100</f>");
   system.replace(system.find("<sensor id=\"2\""), 14, "<sensor master_id=\"0\" id=\"2\"");
   expect(system, kModel, "system of several cameras");
+  // As Metashape writes them: their poses are those of their masters.
+  const auto with_slave = [](const char* more) {
+    return absl::StrReplaceAll(
+        Metashape("frame", "<f>100</f>"),
+        {{"</cameras>", absl::StrCat("<camera id=\"6\" sensor_id=\"2\" master_id=\"0\"", more,
+                                     " label=\"slave.jpg\"/></cameras>")}});
+  };
+  expect(with_slave(""), kModel, "cameras.cameras[slave.jpg]: Metashape's system of several");
+  EXPECT_TRUE(Parse(with_slave(" enabled=\"false\"")).ok());
 
   std::string file = Metashape("frame", "<f>100</f>");
   expect(file.substr(0, file.size() / 2), "BAD_XML", "line ");

@@ -66,6 +66,24 @@ bool Distortion::IsFinite() const {
   return std::all_of(all.begin(), all.end(), [](double k) { return std::isfinite(k); });
 }
 
+absl::Status CheckIntrinsics(const Camera& c, std::string_view where) {
+  constexpr double kLeastFocal = 0.05;  // of the longer side: a field of view of 168 degrees
+  const auto bad = [&](std::string_view reason, std::string_view what) {
+    return InvalidField(reason, where,
+                        absl::StrCat(Absl(what), " a picture of ", c.width, "x", c.height,
+                                     " px; give size, focal lengths and principal point in px, of "
+                                     "photos of one size"));
+  };
+  if (!(c.cx >= 0 && c.cx <= c.width && c.cy >= 0 && c.cy <= c.height)) {
+    return bad("BAD_PRINCIPAL_POINT", absl::StrCat("the principal point, cx ", c.cx, " and cy ",
+                                                   c.cy, " px, lies outside"));
+  }
+  const double least = kLeastFocal * std::max(c.width, c.height);
+  if (c.fx >= least && c.fy >= least) return absl::OkStatus();
+  return bad("BAD_FOCAL_LENGTH", absl::StrCat("the focal lengths, ", c.fx, " and ", c.fy,
+                                              " px, are those of no lens for"));
+}
+
 double FisheyeRadius(const Distortion& d, double angle) {
   const double t2 = angle * angle;
   return angle * (1 + t2 * (d.k1 + t2 * (d.k2 + t2 * (d.k3 + t2 * d.k4))));

@@ -84,6 +84,11 @@ using PhotoSizes = std::function<PhotoSize(const std::string& name)>;
 // look along the panorama's middle. Readers that get none of these refuse panoramas.
 using PanoramaNames = std::set<std::string>;
 
+// Whether focal length and principal point are of a picture of the camera's size: not of one of
+// another size, not in another unit. Not for panoramas. INVALID_ARGUMENT naming `where`:
+// BAD_PRINCIPAL_POINT, BAD_FOCAL_LENGTH.
+absl::Status CheckIntrinsics(const Camera& camera, std::string_view where);
+
 // How far the distortion moves a pixel of the camera's picture at most, px.
 double LargestShift(const Camera& camera, const Distortion& distortion);
 

@@ -174,6 +174,17 @@ class Keys {
     return value.value_or(fallback);
   }
 
+  // Whether `key` is there and neither false nor 0; an error if it is no boolean and no number.
+  absl::StatusOr<bool> Flag(const char* key) const {
+    const Json* value = Find(key);
+    if (value == nullptr) return false;
+    if (value->is_boolean()) return value->get<bool>();
+    if (value->is_number()) return value->get<double>() != 0;
+    return InvalidField(
+        "BAD_NUMBER", where_,
+        absl::StrCat("'", key, "' is ", Describe(*value), ", neither true nor false nor a number"));
+  }
+
  private:
   const Json& frame_;
   const Json& top_;
@@ -227,9 +238,8 @@ absl::Status ReadLens(const Keys& keys, Distortion* lens) {
       return unsupported(absl::StrCat("camera model ", Describe(*given)));
     }
   }
-  const Json* fisheye = keys.Find("is_fisheye");
-  lens->fisheye = model == "OPENCV_FISHEYE" ||
-                  (fisheye != nullptr && *fisheye != Json(false) && *fisheye != Json(0));
+  LITAGS_ASSIGN_OR_RETURN(const bool is_fisheye, keys.Flag("is_fisheye"));
+  lens->fisheye = is_fisheye || model == "OPENCV_FISHEYE";
   const bool full = model == "FULL_OPENCV";
   const struct {
     const char* key;
@@ -276,26 +286,6 @@ absl::Status ReadIntrinsics(const Keys& keys, int default_width, int default_hei
   LITAGS_ASSIGN_OR_RETURN(camera->cx, keys.NumberOr("cx", 0.5 * camera->width));
   LITAGS_ASSIGN_OR_RETURN(camera->cy, keys.NumberOr("cy", 0.5 * camera->height));
   return absl::OkStatus();
-}
-
-// Of photos of another size, or in another unit. Only where the file says the size: of a photo that
-// is not there any is taken.
-absl::Status CheckIntrinsics(const Camera& c, const std::string& where) {
-  constexpr double kLeastFocal = 0.05;  // of the longer side: a field of view of 168 degrees
-  const auto bad = [&](std::string_view reason, std::string_view what) {
-    return InvalidField(reason, where,
-                        absl::StrCat(Absl(what), " a picture of ", c.width, "x", c.height,
-                                     " px ('w', 'h'); give all of them in px, of photos of one "
-                                     "size"));
-  };
-  if (!(c.cx >= 0 && c.cx <= c.width && c.cy >= 0 && c.cy <= c.height)) {
-    return bad("BAD_PRINCIPAL_POINT", absl::StrCat("the principal point, 'cx' ", c.cx, " and 'cy' ",
-                                                   c.cy, " px, lies outside"));
-  }
-  const double least = kLeastFocal * std::max(c.width, c.height);
-  if (c.fx >= least && c.fy >= least) return absl::OkStatus();
-  return bad("BAD_FOCAL_LENGTH", absl::StrCat("a focal length, 'fl_x' ", c.fx, " and 'fl_y' ", c.fy,
-                                              " px, is that of no lens for"));
 }
 
 // The 4x4 (or its upper 3x4) as numbers.
@@ -370,6 +360,7 @@ absl::StatusOr<LoadedView> ReadFrame(const Json& frame, const Json& top, const s
   const PhotoSize size = sized ? PhotoSize() : sizes(loaded.view.name);
   LITAGS_RETURN_IF_ERROR(
       ReadIntrinsics(keys, size.width, size.height, &loaded.view.camera, &loaded.distortion));
+  // Of a photo that is not there any size is taken.
   if (sized) LITAGS_RETURN_IF_ERROR(CheckIntrinsics(loaded.view.camera, where));
   LITAGS_ASSIGN_OR_RETURN(const cv::Matx34d matrix, ReadMatrix(frame, where));
   LITAGS_RETURN_IF_ERROR(SetPose(matrix, where, &loaded.view.camera));
@@ -390,9 +381,9 @@ absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_v
   std::set<std::string> seen;  // frames as they are read
   const auto read = [&](const Json& frame) -> absl::Status {
     const std::string where = absl::StrCat(Absl(field), ".frames[", parser.frames(), "]");
-    LITAGS_ASSIGN_OR_RETURN(LoadedView view, ReadFrame(frame, top, where, sizes));
-    // Merged captures list frames twice.
+    // Merged captures list frames twice. Those cost no look at their photo.
     if (!seen.insert(JsonText(frame)).second) return absl::OkStatus();
+    LITAGS_ASSIGN_OR_RETURN(LoadedView view, ReadFrame(frame, top, where, sizes));
     views.push_back(std::move(view));
     return absl::OkStatus();
   };

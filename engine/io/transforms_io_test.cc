@@ -123,6 +123,21 @@ TEST(ParseTransforms, TakesSixteenNumbersAndFramesThatComeTwice) {
   EXPECT_EQ(a->views[0].camera.Viewmat(), b->views[0].camera.Viewmat());
 }
 
+// A file of 16 MiB may name one photo of 100 MB 200,000 times.
+TEST(ParseTransforms, FramesThatComeAgainCostNoLookAtTheirPhoto) {
+  std::string frames = Frame("a.jpg", kIdentity);
+  for (int i = 1; i < 1000; ++i) absl::StrAppend(&frames, ",", Frame("a.jpg", kIdentity));
+  int looks = 0;
+  const auto sizes = [&](const std::string&) {
+    ++looks;
+    return PhotoSize{40, 30};
+  };
+  const auto model = ParseTransforms(File("\"fl_x\": 50", frames), "c", sizes);
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->views.size(), 1u);
+  EXPECT_EQ(looks, 1);
+}
+
 TEST(ParseTransforms, RefusesMatricesThatWereWrittenColumnByColumn) {
   for (const char* matrix :
        {"[0,0,-1,0, 0,1,0,0, 1,0,0,0, 1,2,3,1]", "[[0,0,-1,0],[0,1,0,0],[1,0,0,0],[1,2,3,1]]"}) {
@@ -139,8 +154,8 @@ TEST(ParseTransforms, RefusesIntrinsicsOfAnotherSizeOrUnit) {
   };
   const absl::Status larger = status(R"("fl_x": 1600, "cx": 800, "cy": 600)");
   EXPECT_EQ(Reason(larger), "BAD_PRINCIPAL_POINT");
-  EXPECT_THAT(std::string(larger.message()), HasSubstr("'cx' 800 and 'cy' 600 px, lies outside a "
-                                                       "picture of 400x300 px ('w', 'h')"));
+  EXPECT_THAT(std::string(larger.message()), HasSubstr("cx 800 and cy 600 px, lies outside a "
+                                                       "picture of 400x300 px"));
   EXPECT_EQ(Reason(status(R"("fl_x": 0.9, "fl_y": 1.2, "cx": 0.5, "cy": 0.5)")),
             "BAD_FOCAL_LENGTH");
   EXPECT_TRUE(status(R"("fl_x": 20, "cx": 0, "cy": 300)").ok());
@@ -187,6 +202,16 @@ TEST(ParseTransforms, NamesWhatIsWrong) {
   expect(changed("\"w\": 40", "\"w\": 0"), "BAD_CAMERA_SIZE", "'w' is 0");
   expect(changed("\"w\": 40", "\"w\": 2e7"), "BAD_CAMERA_SIZE", "'w' is 2e+07");
   expect(changed("\"w\": 40", "\"w\": 40, \"is_fisheye\": true, \"p2\": 0.1"),
+         "UNSUPPORTED_CAMERA_MODEL", "fisheye");
+  for (const char* neither : {"null", "\"false\"", "[]"}) {
+    expect(changed("\"w\": 40", absl::StrCat("\"w\": 40, \"is_fisheye\": ", neither)), "BAD_NUMBER",
+           "'is_fisheye' is ");
+  }
+  for (const char* no : {"false", "0", "0.0"}) {  // p2 is none of a fisheye
+    EXPECT_TRUE(
+        changed("\"w\": 40", absl::StrCat("\"w\": 40, \"p2\": 0.1, \"is_fisheye\": ", no)).ok());
+  }
+  expect(changed("\"w\": 40", "\"w\": 40, \"is_fisheye\": 1, \"p2\": 0.1"),
          "UNSUPPORTED_CAMERA_MODEL", "fisheye");
   expect(changed("\"w\": 40", "\"w\": 40, \"k4\": 0.1"), "UNSUPPORTED_CAMERA_MODEL", "k4");
   expect(changed("\"w\": 40", "\"w\": 40, \"camera_model\": \"EQUIRECTANGULAR\""),
