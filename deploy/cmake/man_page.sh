@@ -60,11 +60,15 @@ to_troff() {
   '
 }
 
-{
-  "$name" --help | to_troff program
-  for command in $("$name" --help | awk '/^Subcommands:/ { on = 1; next } /^[^ ]/ { on = 0 }
-                                         on && /^  [^ ]/ { print $1 }'); do
-    "$name" "$command" --help | to_troff command
-  done
-} | gzip -9n > "$page.part"
+# A command whose help fails ends this: in a pipe nobody would see it.
+help=$("$name" --help)
+commands=$(printf '%s\n' "$help" | awk '/^Subcommands:/ { on = 1; next } /^[^ ]/ { on = 0 }
+  on && /^  [^ ]/ { print $1 }')
+printf '%s\n' "$help" | to_troff program > "$page.text"
+for command in $commands; do
+  help=$("$name" "$command" --help)
+  printf '%s\n' "$help" | to_troff command >> "$page.text"
+done
+gzip -9n < "$page.text" > "$page.part"
+rm "$page.text"
 mv "$page.part" "$page"

@@ -1,9 +1,11 @@
 """The scripts in deploy/, with stubs in place of the programs that they call."""
 
+import gzip
 import os
 import pty
 import shutil
 import subprocess
+import sys
 import tempfile
 import unittest
 
@@ -92,6 +94,24 @@ class Bootstrap(ScriptTest):
             os.remove(self.at("tries"))
 
 
+class ManPage(ScriptTest):
+    HELP = """case "$*" in
+        --help) printf 'litags: Scenes.\\n\\nUsage: litags SUBCOMMAND\\n\\nSubcommands:\\n  inspect  Says.\\n' ;;
+        "inspect --help") printf 'What is used.\\nUsage: litags inspect DIR\\n'; exit $CODE ;;
+        esac"""
+
+    def test_it_is_made_only_if_every_command_has_help(self):
+        page = self.at("man", "litags.1.gz")
+        self.stub("litags", self.HELP)
+        for status, made in (("2", False), ("0", True)):
+            self.environment["CODE"] = status
+            code, out = self.run_script(os.path.join(DEPLOY, "cmake", "man_page.sh"),
+                                        os.path.join(self.stubs, "litags"), "1.0", page)
+            self.assertEqual((code == 0, os.path.exists(page)), (made, made), out)
+        with gzip.open(page, "rt") as file:
+            self.assertIn(".SH COMMAND INSPECT\nWhat is used.\n", file.read())
+
+
 class Quickstart(ScriptTest):
 
     def setUp(self):
@@ -104,6 +124,7 @@ class Quickstart(ScriptTest):
         for name in ("litags", "litags-sample", "litags-sheet"):
             self.write(self.at("root", "build", "release", "bin", name), "#!/bin/sh\necho jobs/1\n")
         self.write(self.at("root", "build", "release", "bin", "litags-server"), """#!/bin/sh
+            env | grep ^LITAGS_ && exit 2
             while [ $# -gt 0 ]; do
               case "$1" in *port-file) echo 1 > "$2" ;; esac
               shift
@@ -134,6 +155,12 @@ class Quickstart(ScriptTest):
             self.assertNotIn("failed", said)
             shutil.rmtree(self.at("out"))
 
+    def test_settings_of_another_server_do_not_matter(self):
+        self.environment |= {"LITAGS_STORE": "postgresql://db/litags", "LITAGS_SERVER_WORKERS": "0",
+                             "LITAGS_TOKEN": "secret"}
+        code, said = self.on_terminal(b"\n")
+        self.assertEqual(code, 0, said)
+
     def test_folders_where_cd_looks_do_not_matter(self):
         self.environment["CDPATH"] = f".:{self.folder}"
         code, said = self.on_terminal(b"\n")
@@ -158,6 +185,24 @@ class FolderOfTheScript(ScriptTest):
             code, out = self.run_script("bash", "-c", f"cd '{self.at('root')}' && exec bash {command}")
             self.assertEqual(code, 0, f"{command}: {out}")
             self.assertNotIn("elsewhere", out)
+
+
+class TestOfManyCases(ScriptTest):
+
+    def test_a_case_that_is_skipped_shows_unless_another_failed(self):
+        program = self.write(self.at("cases.py"), """import unittest
+import skipping
+class Case(unittest.TestCase):
+    def passed(self): pass
+    def skipped(self): self.skipTest("not here")
+    def failed(self): self.fail()
+skipping.run_tests()
+""")
+        self.environment["PYTHONPATH"] = os.path.join(os.path.dirname(DEPLOY), "tests", "support")
+        for cases, wanted in (("passed", 0), ("passed skipped", 77), ("skipped failed", 1)):
+            names = [f"Case.{case}" for case in cases.split()]
+            code, out = self.run_script(sys.executable, "-B", program, *names)
+            self.assertEqual(code, wanted, out)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ Run by CTest with LITAGS_BUILD and LITAGS_CPACK in the environment.
 import glob
 import gzip
 import os
+import re
 import subprocess
 import tempfile
 import unittest
@@ -76,7 +77,12 @@ class Package(unittest.TestCase):
             for folder in (BUILD, os.path.expanduser("~/")):
                 self.assertNotIn(folder, page)
             if name == "litags":
-                self.assertIn(".SH COMMAND SUBMIT\n", page)
+                said = run(self.path("usr/bin/litags"), "--help")
+                listed = said.split("\nSubcommands:\n")[1].split("\n\n")[0]
+                commands = re.findall(r"(?m)^  (\w+)", listed)
+                self.assertLessEqual({"submit", "inspect"}, set(commands))
+                for command in commands:
+                    self.assertIn(f".SH COMMAND {command.upper()}\n", page)
 
 
 if __name__ == "__main__":
