@@ -307,6 +307,18 @@ class Package(harness.ServiceTest):
             client.submit(folder, strict=True)
         self.assertEqual(caught.exception.field, "images[bad.png]")
 
+    def test_masks_beside_the_photos_go_along(self):
+        folder = self.photos()
+        masks = pathlib.Path(folder, "masks")
+        masks.mkdir()
+        with self.assertRaisesRegex(ValueError, "masks holds no masks"):
+            self.client().submit(folder)
+        (masks / "a.png").write_bytes(harness.png(seed=4))
+        with self.assertLogs("litags", "INFO") as said:
+            job = self.client().submit(folder, options={"iterations": 5})
+        self.assertEqual(said.output, [f"INFO:litags:masks: {masks}"])
+        self.assertEqual(self.roles(job), {"PHOTO": ["a.png", "b.png", "c.png"], "MASK": ["a.png"]})
+
     def test_a_job_may_be_given_by_its_id(self):
         client = self.client()
         job = client.submit(self.photos(), options={"iterations": 5})

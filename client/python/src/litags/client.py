@@ -126,12 +126,15 @@ class Client:
                request_id: str = "") -> str:
         """Sends photos, starts the job and returns its name. `photos`: a folder, a list, a video,
         or an archive of a folder. `cameras`: what `litags submit --cameras` takes (docs/cameras.md).
-        `masks`: a folder. A photo that the service cannot read is left out and logged as a warning;
-        `strict` refuses it, but of an archive. Removes a job that is refused, unless there is a
+        `masks`: a folder; without one, that of the name "masks" in the folder of photos, if it is
+        there. A photo that the service cannot read is left out and logged as a warning; `strict`
+        refuses it, but of an archive. Removes a job that is refused, unless there is a
         `request_id`: the same call with the same one goes on with one job."""
         found = files.find_photos(photos)
         if cameras is not None:
             found += files.find_cameras(cameras)
+        if masks is None and (masks := files.masks_beside(photos)) is not None:
+            _log.info("masks: %s", masks)
         if masks is not None:
             found += files.find_masks(masks)
         if not isinstance(options, job_pb2.JobOptions):

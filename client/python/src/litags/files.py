@@ -94,8 +94,19 @@ def without(photo: File, found: Iterable[File]) -> list[File]:
 
 def find_masks(folder: Path) -> list[File]:
     """All masks of a folder, each named after its photo."""
-    return [File.read(mask, rpc.FILE_ROLE_MASK)
-            for mask in _files_of(pathlib.Path(folder), {".png"})]
+    masks = _files_of(pathlib.Path(folder), {".png"})
+    if not masks:
+        raise ValueError(f"{folder} holds no masks (.png); name them <photo's name>.png, or remove "
+                         "the folder")
+    return [File.read(mask, rpc.FILE_ROLE_MASK) for mask in masks]
+
+
+def masks_beside(photos: Path | Iterable[Path]) -> pathlib.Path | None:
+    """The folder "masks" of a folder of photos, if there is one."""
+    if not isinstance(photos, (str, os.PathLike)):
+        return None
+    folder = pathlib.Path(photos, "masks")
+    return folder if folder.is_dir() else None
 
 
 def find_cameras(cameras: Path) -> list[File]:
