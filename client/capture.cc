@@ -307,6 +307,17 @@ absl::Status AddMasks(Capture* capture) {
                                "the folder"));
 }
 
+absl::Status AddDepth(const std::string& dir, bool named, Capture* capture) {
+  const size_t others = capture->files.size();
+  const absl::Status status =
+      ScanFolder(dir, "--depth", v1::FILE_ROLE_DEPTH, v1::kDepthEndings, capture);
+  if (!status.ok() || !named || capture->files.size() > others) return status;
+  return BadInput("NO_DEPTH_MAPS", "--depth",
+                  absl::StrCat(dir, ": holds no depth maps (", Joined(v1::kDepthEndings),
+                               "); convert them, name them <photo's name>.npy, or leave --depth "
+                               "out"));
+}
+
 bool HoldsPhotos(const fs::path& dir) {
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(dir, error)) {
@@ -394,7 +405,7 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
   absl::Status status = AddPhotos(places.photos, &capture);
   if (status.ok() && !places.cameras.empty()) status = AddCameras(places.cameras, &capture);
   if (status.ok() && !places.depth.empty()) {
-    status = ScanFolder(places.depth, "--depth", v1::FILE_ROLE_DEPTH, v1::kDepthEndings, &capture);
+    status = AddDepth(places.depth, /*named=*/!depth_dir.empty(), &capture);
   }
   if (!status.ok()) return status;
   const fs::path beside = fs::path(places.photos) / "masks";

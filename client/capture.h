@@ -35,7 +35,7 @@ struct Capture {
 // and, where the paths are not empty, cameras (a file, a bundle.out with its list of photos, or the
 // folder of a COLMAP model or of several, of which the largest is taken), a folder of depth maps
 // and one of masks; without one, the photos' subfolder "masks", if there is one. INVALID_ARGUMENT:
-// FOLDER_MISSING, FOLDER_EMPTY, NO_PHOTOS, NO_MASKS, FILE_UNREADABLE.
+// FOLDER_MISSING, FOLDER_EMPTY, NO_PHOTOS, NO_MASKS, NO_DEPTH_MAPS, FILE_UNREADABLE.
 absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
                                     const std::string& depth_dir, const std::string& masks_dir);
 

@@ -164,6 +164,21 @@ TEST_F(ScanCaptureTest, WhatTheUserNamesGoesBeforeWhatADatasetHolds) {
   EXPECT_EQ(capture->files[1].name, "mine.json");
 }
 
+TEST_F(ScanCaptureTest, AFolderThatIsNamedForDepthHoldsMaps) {
+  Write("d/images/a.jpg", "x");
+  Write("d/depths/a.exr", "x");
+  const std::string maps = (dir_ / "d/depths").string();
+  const absl::Status status = ScanCapture((dir_ / "d").string(), "", maps, "").status();
+  EXPECT_EQ(DetailOf(status).reason(), "NO_DEPTH_MAPS");
+  EXPECT_EQ(DetailOf(status).field(), "--depth");
+  EXPECT_THAT(std::string(status.message()), HasSubstr(".png .pfm .npy"));
+  // Nobody named what a dataset holds.
+  const auto capture = ScanCapture((dir_ / "d").string(), "", "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  EXPECT_EQ(capture->files.size(), 1u);
+  EXPECT_THAT(capture->skipped, ElementsAre("a.exr"));
+}
+
 // Programs write one line or two for an image.
 TEST_F(ScanCaptureTest, TakesTheLargestModelInTextForm) {
   Write("a.jpg", "x");

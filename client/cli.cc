@@ -1,5 +1,7 @@
 #include "client/cli.h"
 
+#include <unistd.h>
+
 #include <cstdio>
 #include <set>
 
@@ -141,7 +143,8 @@ void RemoveUnstarted(Session& session, const std::string& job, const absl::Statu
 }
 
 void Note(std::string_view text) {
-  std::fprintf(stderr, "%s\n", Printable(text).c_str());
+  const char* clear_progress = isatty(STDERR_FILENO) != 0 ? "\r\x1b[K" : "";
+  std::fprintf(stderr, "%s%s\n", clear_progress, Printable(text).c_str());
   std::fflush(stderr);
 }
 

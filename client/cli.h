@@ -55,7 +55,7 @@ int ReportError(const Session& session, const absl::Status& status, const std::s
 // Removes a job whose start failed with `why`, and says so. It stays where no server answers.
 void RemoveUnstarted(Session& session, const std::string& job, const absl::Status& why);
 
-// A line to stderr.
+// A line to stderr; on a terminal in place of the progress line that is drawn there.
 void Note(std::string_view text);
 
 // In one line, or indented.

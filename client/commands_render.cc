@@ -177,7 +177,10 @@ absl::Status CheckOutputs(const PathArgs& args) {
     return BadInput("OUTPUT_MISSING", "-o",
                     "say where the pictures go: -o FOLDER, --video FILE, or both");
   }
-  if (!args.video.empty() && args.format != "png" && args.format != "jpg") {
+  const auto format = PictureFormatOf("frame." + args.format);
+  const bool encodes =
+      format.ok() && (*format == v1::PICTURE_FORMAT_PNG || *format == v1::PICTURE_FORMAT_JPEG);
+  if (!args.video.empty() && !encodes) {
     return BadInput("PICTURE_FORMAT_UNKNOWN", "--format",
                     absl::StrCat("--format: a video is made of png or jpg pictures, not of ",
                                  args.format, "; leave it out, or write files in another call"));

@@ -44,8 +44,16 @@ CLI::Option* AddFlag(CLI::App& command, const FieldDescriptor& field, v1::JobOpt
       return command.add_option_function<std::string>(
           flag, [&](const std::string& word) { SetEnum(field, word, options); });
     case FieldDescriptor::CPPTYPE_BOOL:
-      return command.add_flag_function(
-          flag, [&](int64_t said) { reflection.SetBool(&options, &field, said > 0); });
+      return command
+          .add_option(flag,
+                      [&](const CLI::results_t& words) {  // add_flag_function aborts at "=x"
+                        bool on = false;
+                        const bool known = CLI::detail::lexical_cast(words.back(), on);
+                        if (known) reflection.SetBool(&options, &field, on);
+                        return known;
+                      })
+          ->expected(0)
+          ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
     case FieldDescriptor::CPPTYPE_INT32:
       return command.add_option_function<int32_t>(
           flag, [&](int32_t value) { reflection.SetInt32(&options, &field, value); });

@@ -3,6 +3,7 @@
 import contextlib
 import math
 import os
+import pty
 import re
 import socket
 import subprocess
@@ -248,6 +249,20 @@ class BadRequests(harness.ServiceTest):
                                       stdout=full, stderr=subprocess.PIPE)
             self.assertEqual(done.returncode, 5, (command, done.stderr))
 
+    def test_what_is_said_on_a_terminal_stands_on_a_line_of_its_own(self):
+        terminal, end = pty.openpty()
+        self.addCleanup(os.close, terminal)
+        # As a progress line that is not at its end.
+        os.write(end, b"uploading 1 of 9")
+        subprocess.run([os.path.join(harness.BIN, "litags"), "--server", self.server.address,
+                        "show", "no-such-job"], stderr=end)
+        os.close(end)
+        said = b""
+        with contextlib.suppress(OSError):  # its end
+            while part := os.read(terminal, 4096):
+                said += part
+        self.assertRegex(said, rb"^uploading 1 of 9\r\x1b\[Kerror: ")
+
     def test_usage_that_makes_no_sense(self):
         for command in (("frobnicate",), ("watch",), ("render", "1", "-o", "v.png"),
                         ("path", "1", "-o", "f"), ("list", "--limit", "-3")):
@@ -264,6 +279,7 @@ class BadRequests(harness.ServiceTest):
                 (("--retry", "-1", "list"), '--retry takes a number from 0 to 1000000, not "-1"; '),
                 (("submit", "d", "--iterations", "x"), '--iterations takes a whole number, not "x"; '),
                 (("submit", "d", "--seed", "-1"), "--seed takes a whole number from 0 on, "),
+                (("submit", "d", "--refine-cameras=x"), "--refine-cameras takes true or false; "),
                 (("render", "1"), "--output is not given; "),
                 (("submit", "d", "--max-memory", "1lb"), "--max-memory takes a number of bytes, "),
                 (("clone", "1", "--max-run-seconds", "nan"),

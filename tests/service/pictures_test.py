@@ -105,9 +105,9 @@ class Pictures(harness.ServiceTest):
 
     def test_a_path_as_a_video_and_files(self):
         self.litags("path", self.finished_job(), "--orbit", "--frames", "3", "--size", "32x24",
-                    "--format", "jpg", "--video", self.path("v.webm"), "-o", self.path("frames"))
+                    "--format", "jpeg", "--video", self.path("v.webm"), "-o", self.path("frames"))
         self.assertEqual(sorted(os.listdir(self.path("frames"))),
-                         [f"frame_{i:04d}.jpg" for i in range(3)])
+                         [f"frame_{i:04d}.jpeg" for i in range(3)])
         self.assertGreater(len(self.read("v.webm")), 100)
 
     def test_videos_that_cannot_be_written(self):
