@@ -162,9 +162,10 @@ void ChangeTracks(const std::vector<MarkChange>& changes, std::vector<SparsePoin
 }
 
 // Photos of given cameras come with a size; it may be given for another resolution of the photos.
-// `unsized`: photos whose size their cameras have.
+// `unsized`: photos whose size their cameras have. `panoramas`: may be null.
 absl::Status FitToPhotos(const ReconstructInput& input, const std::set<std::string>& unsized,
-                         SparseModel* model, std::vector<std::string>* notes) {
+                         const PanoramaNames* panoramas, SparseModel* model,
+                         std::vector<std::string>* notes) {
   int turned = 0, scaled = 0;
   std::string some_scaled;
   std::vector<MarkChange> changes(model->views.size());
@@ -173,12 +174,16 @@ absl::Status FitToPhotos(const ReconstructInput& input, const std::set<std::stri
     const std::string field = absl::StrCat("images[", view.name, "]");
     LITAGS_ASSIGN_OR_RETURN(ImageInfo info, ReadImageSize(PhotoPath(input, view.name), field));
     if (input.cameras_are_upright) info.orientation = 1;
+    const Camera given = view.camera;
     int width = view.camera.width, height = view.camera.height;
     MarkChange& change = changes[i];
     change.width = width;
     change.height = height;
     LITAGS_ASSIGN_OR_RETURN(change.turns, FitToPhoto(view.name, info, !unsized.contains(view.name),
                                                      &view.camera, &model->distortions[i]));
+    if (panoramas == nullptr || !panoramas->contains(view.name)) {
+      LITAGS_RETURN_IF_ERROR(CheckIntrinsics(given, absl::StrCat("cameras[", view.name, "]")));
+    }
     if (change.turns % 2 == 1) std::swap(width, height);
     turned += change.turns > 0;
     if (info.width == width && info.height == height) continue;
@@ -225,14 +230,19 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              PanoramaNames* panoramas) {
   const NameIndex index(photos);
   std::set<std::string> unsized, sure;
+  std::map<size_t, PhotoSize> known;  // a file may name a photo many times
   const auto size_of = [&](const std::string& name) {
     const std::optional<size_t> found = index.Find(name);
     // Of a photo that is not there: any, nothing is made of it. A large one shows all points.
     if (!found.has_value()) return PhotoSize{kMaxImageSide, kMaxImageSide};
+    const auto [entry, is_new] = known.try_emplace(*found);
+    PhotoSize& size = entry->second;
+    if (!is_new) return size;
     const std::string& photo = photos[*found];
     unsized.insert(photo);
     const auto info = ReadImageSize(input.images_dir + "/" + photo, photo);
-    return info.ok() ? PhotoSize{info->width, info->height} : PhotoSize();
+    if (info.ok()) size = {info->width, info->height};
+    return size;
   };
   LITAGS_ASSIGN_OR_RETURN(SparseModel given,
                           ReadCameras(input.cameras_path, "cameras", size_of, panoramas, &sure));
@@ -249,7 +259,7 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                      NameInMessage(photos[0]), ", and is ", NameInMessage(some_camera),
                      " for one"));
   }
-  LITAGS_RETURN_IF_ERROR(FitToPhotos(input, unsized, &model, notes));
+  LITAGS_RETURN_IF_ERROR(FitToPhotos(input, unsized, panoramas, &model, notes));
   return model;
 }
 

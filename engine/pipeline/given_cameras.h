@@ -19,8 +19,8 @@ namespace litags {
 // it, unless input.cameras_are_upright. cameras_path is resolved (ResolveCameras).
 // INVALID_ARGUMENT: NO_MATCHING_CAMERAS, CAMERA_AMBIGUOUS (its photo is one of several),
 // DUPLICATE_CAMERA (of one photo), CAMERA_SIZE_MISMATCH, ORIENTATION_AMBIGUOUS (neither sizes nor
-// Bundler's points tell whether a camera is of the photo as stored); errors of ReadCameras and
-// ReadImageSize.
+// Bundler's points tell whether a camera is of the photo as stored); errors of ReadCameras,
+// ReadImageSize and CheckIntrinsics.
 // `panoramas`: as PanoramaNames has it, by the photos' names.
 absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              const std::vector<std::string>& photos,

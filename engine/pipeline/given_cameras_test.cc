@@ -171,6 +171,29 @@ TEST_F(StoredCameras, WithoutASizeAreRefusedUnlessTheirPointsTell) {
   EXPECT_THAT(notes_, Contains(HasSubstr("1 of 1 cameras are of photos as stored")));
 }
 
+// In another unit, or of photos of another size.
+TEST_F(StoredCameras, WhoseLensIsThatOfNoPictureOfTheirSizeAreRefused) {
+  Camera& camera = known_.views[2].camera;
+  camera.fx = camera.fy = 0.8;
+  camera.cx = camera.cy = 0.5;
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, known_).ok());
+  const absl::Status status = Read().status();
+  EXPECT_EQ(Reason(status), "BAD_FOCAL_LENGTH");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("cameras[p2.png]: the focal lengths, 0.8"));
+
+  input_.cameras_path = colmap_.dir() + "/transforms.json";
+  const auto read_with = [&](const std::string& middle) {
+    EXPECT_TRUE(WriteFileAtomically(input_.cameras_path, "{\"fl_x\": 100, " + middle +
+                                                             R"(, "frames": [{"file_path": "p0.png",
+        "transform_matrix": [[1,0,0,0],[0,1,0,0],[0,0,1,0]]}]})")
+                    .ok());
+    return Read().status();
+  };
+  EXPECT_EQ(Reason(read_with(R"("cx": 640, "cy": 48)")), "BAD_PRINCIPAL_POINT");
+  EXPECT_TRUE(read_with(R"("cx": 128, "cy": 0)").ok());
+  EXPECT_TRUE(read_with(R"("w": 1280, "h": 960, "cx": 640, "cy": 480)").ok());
+}
+
 // Photos of several folders have these in their names, since all lie in one.
 TEST_F(StoredCameras, OfPhotosInSeveralFoldersAreFoundByTheFolders) {
   for (int i = 0; i < 6; ++i) {
