@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -25,6 +26,7 @@
 #include "engine/pipeline/given_cameras.h"
 #include "engine/pipeline/local_origin.h"
 #include "engine/pipeline/wide_photos.h"
+#include "engine/sfm/registration.h"
 #include "engine/sfm/sfm.h"
 
 namespace litags {
@@ -37,7 +39,14 @@ constexpr int64_t kMaxRegistrationFile = int64_t{64} << 20;
 
 std::string KeptFolder(const ReconstructInput& input) { return input.work_dir + "/cameras"; }
 
-// JSON text; names of files need not be UTF-8.
+// As ReadCameras tells it, by the first line.
+bool IsBundlerFile(const std::string& path) {
+  std::array<char, 64> start = {};
+  std::ifstream file(path, std::ios::binary);
+  file.read(start.data(), start.size());
+  return IsBundler({start.data(), static_cast<size_t>(file.gcount())});
+}
+
 // Of the files that ReadCameras reads.
 std::string FingerprintOfCameras(const std::string& path) {
   Fingerprint f;
@@ -47,7 +56,7 @@ std::string FingerprintOfCameras(const std::string& path) {
     if (!fs::is_regular_file(path + name, ignored)) continue;
     f.AddFileIfReadable(path + name, kMaxModelFileBytes);
   }
-  if (path.ends_with(".out")) f.AddFileIfReadable(BundlerListOf(path), kMaxModelFileBytes);
+  if (IsBundlerFile(path)) f.AddFileIfReadable(BundlerListOf(path), kMaxModelFileBytes);
   return f.Text();
 }
 
@@ -255,6 +264,25 @@ SfmOptions OptionsOf(const Context& context, const ReconstructInput& input, cons
   return sfm;
 }
 
+// Of cameras that an earlier run found, perhaps for one that needed fewer: COLMAP would find the
+// same again.
+absl::Status CheckEnoughPlaced(const ReconstructReport& report, const SfmOptions& options) {
+  constexpr size_t kNamesShown = 5;
+  const int needed = NeededPhotos(report.photos, options);
+  if (report.registered >= needed) return absl::OkStatus();
+  std::vector<std::string> names = report.dropped;
+  const size_t more = names.size() - std::min(names.size(), kNamesShown);
+  names.resize(names.size() - more);
+  if (more > 0) names.push_back(absl::StrCat(more, " more"));
+  return MakeError(absl::StatusCode::kFailedPrecondition, "SFM_TOO_FEW_REGISTERED", "images",
+                   absl::StrCat(report.registered, " of ", report.photos,
+                                " photos could be placed by an earlier run, ", needed,
+                                " are needed; without a place: ", absl::StrJoin(names, ", "),
+                                "; try leaving those out, photos with more overlap, sharper or "
+                                "less extremely exposed ones, a lower min_registered, or known "
+                                "cameras"));
+}
+
 absl::StatusOr<SparseModel> SolveCameras(const Solver& solver) {
   const Context& context = solver.context;
   LITAGS_ASSIGN_OR_RETURN(SfmResult result,
@@ -329,13 +357,16 @@ absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
   ResolveGivenCameras(&input, report);
   report->photos = static_cast<int>(photos.size());
   const Json source = SourceOf(input, context.options, photos, masks);
+  SfmOptions options = OptionsOf(context, input, masks, colmap);
+  const bool solve = input.cameras_path.empty();
   std::string damage;
-  if (auto kept = KeptCameras(input, source, first_note, report, &damage)) return *std::move(kept);
+  if (auto kept = KeptCameras(input, source, first_note, report, &damage)) {
+    if (solve) LITAGS_RETURN_IF_ERROR(CheckEnoughPlaced(*report, options));
+    return *std::move(kept);
+  }
 
   LITAGS_ASSIGN_OR_RETURN(std::string folder, FolderOf(input, photos));
-  const Solver solver = {context, input, std::move(folder),
-                         OptionsOf(context, input, masks, colmap)};
-  const bool solve = input.cameras_path.empty();
+  const Solver solver = {context, input, std::move(folder), std::move(options)};
   LITAGS_ASSIGN_OR_RETURN(const SparseModel model,
                           solve ? SolveCameras(solver) : TakeGivenCameras(solver, photos));
   const std::string dir =

@@ -16,7 +16,8 @@ namespace litags {
 // ones with a wide fisheye in SolvedFisheyes(), and taken from there if they were found from the
 // same files, `masks` of photos among them. View names
 // are names of photos there; sizes are those of the photo files. Fills photos, registered, dropped,
-// sfm_preparation and notes of the report.
+// sfm_preparation and notes of the report. Errors of FindCameras, TriangulatePoints and
+// ReadGivenCameras; SFM_TOO_FEW_REGISTERED for kept cameras, too.
 absl::StatusOr<SparseModel> ObtainCameras(const Context& context,
                                           const std::vector<std::string>& photos,
                                           const MaskPaths& masks, const std::string& colmap);

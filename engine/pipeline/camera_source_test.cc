@@ -131,7 +131,6 @@ TEST_F(CameraSource, KeptCamerasOfOtherPhotosAreNotUsed) {
   EXPECT_EQ(Reason(ObtainKept().status()), "COLMAP_NOT_FOUND");
 }
 
-// Such as the EXIF orientation: as many bytes as before.
 // The same photos with another seed have other cameras, kept ones or not.
 TEST_F(CameraSource, KeptCamerasOfAnotherSeedAreNotUsed) {
   ASSERT_TRUE(Obtain().ok());
@@ -141,6 +140,26 @@ TEST_F(CameraSource, KeptCamerasOfAnotherSeedAreNotUsed) {
   EXPECT_TRUE(ObtainKept().ok());
 }
 
+// The first run was content with fewer.
+TEST_F(CameraSource, KeptCamerasOfTooFewPhotosAreRefused) {
+  const SparseModel five =
+      CopiesModel(absl::StrCat(kWidth, "x", kHeight), kWidth, kHeight, {0, 1, 2, 3, 4}, 70);
+  for (int rung = 0; rung < 3; ++rung) colmap_.AddModel(rung, 0, five);
+  const auto found = Obtain();
+  ASSERT_TRUE(found.ok()) << found.status();
+  options_.min_registered = 1;
+  const absl::Status refused = ObtainKept().status();
+  EXPECT_EQ(Reason(refused), "SFM_TOO_FEW_REGISTERED");
+  EXPECT_THAT(std::string(refused.message()),
+              AllOf(HasSubstr("5 of 6 photos could be placed"), HasSubstr("6 are needed"),
+                    HasSubstr("p5.png")));
+  EXPECT_EQ(Reason(Obtain().status()), "SFM_TOO_FEW_REGISTERED");
+  options_.min_registered = 0.8;
+  const auto kept = ObtainKept();
+  ASSERT_TRUE(kept.ok()) << kept.status();
+  ExpectSame(*found, *kept);
+}
+
 // The API takes any seed, COLMAP 31 bits of it.
 TEST_F(CameraSource, LargeSeedsAreTaken) {
   options_.seed = uint64_t{1} << 40;
@@ -148,6 +167,7 @@ TEST_F(CameraSource, LargeSeedsAreTaken) {
   EXPECT_TRUE(found.ok()) << found.status();
 }
 
+// Such as the EXIF orientation: as many bytes as before.
 TEST_F(CameraSource, KeptCamerasOfPhotosEditedInPlaceAreNotUsed) {
   const std::string path = input_.images_dir + "/p2.png";
   const std::string photo = ReadFile(path, "", 1 << 20).value();
@@ -423,22 +443,26 @@ TEST_F(CameraSource, EditedTransformsReplaceKeptCameras) {
 }
 
 TEST_F(CameraSource, AnEditedListOfBundlersPhotosReplacesKeptCameras) {
-  input_.cameras_path = colmap_.dir() + "/bundle.out";
   std::string bundle = "# Bundle file v0.3\n6 0\n";
   for (const View& view : Known(0.1).views) {
     const auto& t = view.camera.t;
     absl::StrAppend(&bundle, view.camera.fx, " 0 0\n1 0 0\n0 -1 0\n0 0 -1\n", t[0], " ", -t[1], " ",
                     -t[2], "\n");
   }
-  ASSERT_TRUE(WriteFileAtomically(input_.cameras_path, bundle).ok());
-  for (const auto& [list, place] :
-       {std::pair("p0.png\np1.png\np2.png\np3.png\np4.png\np5.png\n", 4),
-        std::pair("p0.png\np1.png\np2.png\np3.png\np5.png\np4.png\n", 5)}) {
-    ASSERT_TRUE(WriteFileAtomically(colmap_.dir() + "/list.txt", list).ok());
-    const auto cameras = Obtain();
-    ASSERT_TRUE(cameras.ok()) << cameras.status();
-    ASSERT_EQ(cameras->views[4].name, "p4.png");
-    EXPECT_NEAR(cameras->views[4].camera.t[1], 0.1 + place / 3.0, 1e-4);
+  for (const char* name : {"bundle.out", "bundle"}) {  // its first line tells what it is
+    SCOPED_TRACE(name);
+    input_.cameras_path = absl::StrCat(colmap_.dir(), "/", name);
+    ASSERT_TRUE(WriteFileAtomically(input_.cameras_path, bundle).ok());
+    for (const auto& [list, place] :
+         {std::pair("p0.png\np1.png\np2.png\np3.png\np4.png\np5.png\n", 4),
+          std::pair("p0.png\np1.png\np2.png\np3.png\np5.png\np4.png\n", 5)}) {
+      ASSERT_TRUE(WriteFileAtomically(colmap_.dir() + "/list.txt", list).ok());
+      const auto cameras = Obtain();
+      ASSERT_TRUE(cameras.ok()) << cameras.status();
+      ASSERT_EQ(cameras->views[4].name, "p4.png");
+      EXPECT_NEAR(cameras->views[4].camera.t[1], 0.1 + place / 3.0, 1e-4);
+    }
+    fs::remove_all(input_.work_dir + "/cameras");  // of the same bytes
   }
 }
 
