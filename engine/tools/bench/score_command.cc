@@ -5,11 +5,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "CLI/App.hpp"
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/eval/lpips.h"
 #include "engine/io/image_io.h"
@@ -26,20 +29,34 @@ struct ScoreArguments {
   std::string pictures, truth, lpips, json;
 };
 
-absl::Status Score(const ScoreArguments& args) {
-  std::map<std::string, std::string> truth_by_stem;
-  for (const fs::directory_entry& file : fs::directory_iterator(args.truth)) {
-    truth_by_stem[file.path().stem()] = file.path().filename();
+// The names of the photos in a folder, by stem; other files do not count.
+absl::StatusOr<std::map<std::string, std::string>> PhotosByStem(const std::string& dir,
+                                                                const char* field) {
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, ListPhotos(dir, field));
+  std::map<std::string, std::string> by_stem;
+  for (const std::string& name : names) {
+    const auto [other, added] = by_stem.emplace(fs::path(name).stem().string(), name);
+    if (added) continue;
+    return InvalidInput("PICTURE_TWICE", field,
+                        absl::StrCat(field, ": ", dir, " holds ", other->second, " and ", name,
+                                     ", and pictures are paired by what is before the ending; "
+                                     "remove one"));
   }
+  return by_stem;
+}
+
+absl::Status Score(const ScoreArguments& args) {
+  LITAGS_ASSIGN_OR_RETURN(const auto truth_by_stem, PhotosByStem(args.truth, "truth"));
+  LITAGS_ASSIGN_OR_RETURN(const auto pictures_by_stem, PhotosByStem(args.pictures, "pictures"));
   std::optional<Lpips> lpips;
   if (!args.lpips.empty()) {
     LITAGS_ASSIGN_OR_RETURN(lpips, Lpips::Load(args.lpips));
   }
   Scorer scorer(args.truth, lpips.has_value() ? &*lpips : nullptr);
   std::map<std::string, std::string> pictures;  // sorted
-  for (const fs::directory_entry& file : fs::directory_iterator(args.pictures)) {
-    const auto truth = truth_by_stem.find(file.path().stem());
-    if (truth != truth_by_stem.end()) pictures[truth->second] = file.path();
+  for (const auto& [stem, name] : pictures_by_stem) {
+    const auto truth = truth_by_stem.find(stem);
+    if (truth != truth_by_stem.end()) pictures[truth->second] = fs::path(args.pictures) / name;
   }
   for (const auto& [name, path] : pictures) {
     LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, ReadImage(path, path));

@@ -34,5 +34,25 @@ TEST(ScoreCommand, LargerTruthIsAveragedDownAndLpipsIsOfAGivenNetwork) {
   EXPECT_EQ(json["lpips"], 0);
 }
 
+TEST(ScoreCommand, OnlyPicturesCountAndEachStemStandsOnce) {
+  TempDir dir;
+  const ImageU8 gray(64, 48);
+  for (const char* folder : {"truth", "renders"}) {
+    std::filesystem::create_directory(dir / folder);
+    ASSERT_TRUE(WritePng(dir / (std::string(folder) + "/a.png"), gray).ok());
+    // Whichever order the folder has them in, one of these comes after the picture.
+    for (const char* other : {"/a.json", "/a.txt", "/a.zip"}) {
+      ASSERT_TRUE(WriteFileAtomically(dir / (std::string(folder) + other), "{}").ok());
+    }
+  }
+  SubprocessResult result = RunBench("score", {dir / "renders", dir / "truth"});
+  EXPECT_EQ(result.exit_code, 0) << result.tail;
+  EXPECT_THAT(result.tail, testing::HasSubstr("a.png  PSNR inf dB"));
+  ASSERT_TRUE(WritePng(dir / "renders/a.PNG", gray).ok());
+  result = RunBench("score", {dir / "renders", dir / "truth"});
+  EXPECT_EQ(result.exit_code, 2) << result.tail;
+  EXPECT_THAT(result.tail, testing::HasSubstr("holds a.PNG and a.png"));
+}
+
 }  // namespace
 }  // namespace litags
