@@ -78,6 +78,7 @@ absl::StatusOr<std::vector<int>> PhotoOfViews(const SparseModel& copies,
 absl::StatusOr<SparseModel> ToPhotos(SparseModel model, const std::vector<PhotoFile>& photos) {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<int> photo_of, PhotoOfViews(model, photos));
   ScaleTracks(photos, photo_of, model);
+  model.paths.clear();  // of the copies
   // Numbered copies sort like their photos, so the views are in name order already.
   for (size_t i = 0; i < model.views.size(); ++i) {
     const PhotoFile& photo = photos[photo_of[i]];

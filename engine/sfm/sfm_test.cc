@@ -56,6 +56,7 @@ TEST_F(SfmTest, ViewsAndTracksAreThoseOfThePhotosNotOfTheirCopies) {
   EXPECT_DOUBLE_EQ(seen.y, 40);
   EXPECT_THAT(result->rungs, SizeIs(1));  // all placed: no further rung
   EXPECT_TRUE(result->notes.empty());
+  EXPECT_THAT(result->model.paths, SizeIs(0));  // where the copies lie
 }
 
 // Same size, two lenses: every other photo says another focal length.
