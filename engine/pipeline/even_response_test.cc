@@ -111,6 +111,15 @@ TEST(EvenOutResponse, TheLensIsTakenOut) {
   EXPECT_LT(WorstCode(capture, MakeCapture(light, 0)), 8);
 }
 
+TEST(EvenOutResponse, TheLensIsTakenOutInLightWithoutBlue) {
+  const std::vector<std::array<double, 3>> light(8, {2, 1, 0});
+  ReconstructOptions options;
+  options.white_balance = WhiteBalance::kCamera;
+  Capture capture = MakeCapture(light, 2.5);
+  EXPECT_THAT(Even(options, &capture), ElementsAre(HasSubstr("stops darker")));
+  EXPECT_LT(WorstCode(capture, MakeCapture(light, 0)), 8);
+}
+
 TEST(EvenOutResponse, ALampIsToldAndLeftInThePhotos) {
   const std::vector<std::array<double, 3>> light(8, {1, 1, 1});
   Capture capture = MakeCapture(light, 0, 1.5);

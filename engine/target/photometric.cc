@@ -50,17 +50,6 @@ double LeastCode(const PatchLight& patch, int channel, double code_step) {
   return std::clamp(kDeviations * patch.noise[channel], least, kSure);
 }
 
-// Whether the light of a patch is told: a channel may be near black where the others outshine it,
-// as blue is in sodium light.
-bool TellsLight(const PatchLight& patch, double code_step) {
-  const double most = kUntoldLight * (patch.light[0] + patch.light[1] + patch.light[2]);
-  for (int c = 0; c < 3; ++c) {
-    const double least = LeastCode(patch, c, code_step);
-    if (patch.codes[c] < least && LinearFromSrgb(least / 255) > most) return false;
-  }
-  return true;
-}
-
 // Log of the mean linear light of a patch; nothing if it is cut off, masked, black or white.
 std::optional<double> LogLight(const Photo& photo, const PlaneU8& mask, double x, double y,
                                double code_step) {
@@ -236,6 +225,15 @@ std::optional<PatchLight> PatchLightAt(const Photo& photo, const PlaneU8& mask, 
 bool AboveBlack(const PatchLight& patch, double code_step) {
   for (int c = 0; c < 3; ++c) {
     if (patch.codes[c] < LeastCode(patch, c, code_step)) return false;
+  }
+  return true;
+}
+
+bool TellsLight(const PatchLight& patch, double code_step) {
+  const double most = kUntoldLight * (patch.light[0] + patch.light[1] + patch.light[2]);
+  for (int c = 0; c < 3; ++c) {
+    const double least = LeastCode(patch, c, code_step);
+    if (patch.codes[c] < least && LinearFromSrgb(least / 255) > most) return false;
   }
   return true;
 }

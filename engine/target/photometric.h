@@ -39,16 +39,20 @@ std::optional<PatchLight> PatchLightAt(const Photo& photo, const PlaneU8& mask, 
 // its pixels; two 8-bit codes always will do. `code_step`: see FileSteps (shadow_color.h).
 bool AboveBlack(const PatchLight& patch, double code_step);
 
+// Whether a patch tells the sum of its channels' light: one may be near black where the others
+// outshine it, as blue is in sodium light. So it is of all that are AboveBlack.
+bool TellsLight(const PatchLight& patch, double code_step);
+
 // Exposure of every photo relative to the capture's median photo, > 0: photo i shows the scene's
 // linear light times exposure i. Medians in the log domain, so that highlights, shadows and wrong
-// matches do not matter; samples near black (AboveBlack) or white are left out. A photo that shares
-// fewer than kMinSightings usable points with the others has the exposure that it states beside
-// theirs; if it states none, or what they state is not so (a changed, edited or merged photo's
-// EXIF), it is taken to have the same median light as they have. Where fewer than kMinStated photos
-// share enough points, the others have what they state. `stated`: one per photo, in any unit, 0:
-// none; or empty. Sightings are sorted by point. `masks`: see MaskOf; a sighting with a masked
-// pixel in its patch does not count. `code_step`: as for AboveBlack. The same for any `threads`;
-// once `cancel` is raised, all soon are 1.
+// matches do not matter; samples near black (not TellsLight) or white are left out. A photo that
+// shares fewer than kMinSightings usable points with the others has the exposure that it states
+// beside theirs; if it states none, or what they state is not so (a changed, edited or merged
+// photo's EXIF), it is taken to have the same median light as they have. Where fewer than
+// kMinStated photos share enough points, the others have what they state. `stated`: one per photo,
+// in any unit, 0: none; or empty. Sightings are sorted by point. `masks`: see MaskOf; a sighting
+// with a masked pixel in its patch does not count. `code_step`: as for AboveBlack. The same for any
+// `threads`; once `cancel` is raised, all soon are 1.
 std::vector<double> RelativeExposures(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
                                       absl::Span<const PlaneU8> masks = {},

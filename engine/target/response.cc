@@ -22,16 +22,22 @@ constexpr double kSmooth = 1e-3;       // see SolveVignette()
 constexpr double kSampledShare = 0.98;
 constexpr double kStop = std::numbers::ln2;
 constexpr float kNearWhite = 0.9f * kPhotoWhite;
+constexpr double kLeastLight = 1e-9;  // of a channel: as good as none in a sum
 
 // What the light of a sample falls by: three numbers of the vignette, and the lamp's power.
 using Falloff = std::array<double, kTrackColumns>;
 constexpr int kVignetteColumns = 3, kLampColumn = 3;
 static_assert(kTrackColumns == kLampColumn + 1);
 
-// Whether the sensor's range held the light of a patch, so that it tells the light.
+// Whether the sensor's range held the light of a patch, so that it tells the sum of the light.
 bool Told(const PatchLight& patch, double code_step) {
-  if (patch.brightest >= kTintedSample || !AboveBlack(patch, code_step)) return false;
-  return std::all_of(patch.light.begin(), patch.light.end(), [](double y) { return y > 0; });
+  return patch.brightest < kTintedSample && TellsLight(patch, code_step);
+}
+
+// Whether it tells the light of every channel.
+bool TellsColor(const PatchLight& patch, double code_step) {
+  return AboveBlack(patch, code_step) &&
+         std::all_of(patch.light.begin(), patch.light.end(), [](double y) { return y > 0; });
 }
 
 // ---- Vignette and lamp
@@ -153,9 +159,10 @@ double EstimateLamp(absl::Span<const TrackValue> values, const TrackFit& fit,
   const double spread = Quantile(samples, 0.9, log_distance) - Quantile(samples, 0.1, log_distance);
   const auto power_of = [](const ColumnEquations& e) { return SolveFreely(e)[kLampColumn]; };
   const double power = power_of(fit.columns);
-  if (!(power * spread >= kLeastLamp * kStop)) return 0;
+  const double of_lamp = std::min(power, kMostLamp);
+  if (!(of_lamp * spread >= kLeastLamp * kStop)) return 0;
   if (!(power >= kSure * ErrorOf(values, fit, power_of))) return 0;
-  return std::min(power, kMostLamp);
+  return of_lamp;
 }
 
 Vignette EstimateVignette(absl::Span<const TrackValue> values, const TrackFit& fit,
@@ -204,6 +211,7 @@ std::vector<double> EstimateColor(size_t photos, absl::Span<const PointSample> s
   std::vector<TrackValue> values;
   std::vector<int> samples_of(photos, 0);
   for (const PointSample& s : samples) {
+    if (!s.tells_color) continue;
     values.push_back({s.point, s.photo, s.log_light[channel] - s.log_light[1], {}});
     ++samples_of[s.photo];
   }
@@ -271,7 +279,7 @@ std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
   std::vector<PointSample> samples;
   for (size_t begin = 0, end = 0; begin < sightings.size(); begin = end) {
     const size_t before = samples.size();
-    bool told = true;
+    bool told = true, tells_color = true;
     for (; end < sightings.size() && sightings[end].point == sightings[begin].point; ++end) {
       const PointSighting& s = sightings[end];
       const std::optional<PatchLight> patch =
@@ -279,16 +287,16 @@ std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
       if (!patch.has_value()) continue;
       told = told && Told(*patch, code_step);
       if (!told) continue;
+      tells_color = tells_color && TellsColor(*patch, code_step);
       const RadialFrame& frame = frames[s.photo];
       const double radius = std::hypot(s.x - frame.cx, s.y - frame.cy) / frame.half_diagonal;
-      const auto& light = patch->light;
-      samples.push_back({s.point,
-                         s.photo,
-                         radius,
-                         {std::log(light[0]), std::log(light[1]), std::log(light[2])},
-                         std::log(s.distance)});
+      PointSample sample{s.point, s.photo, radius, {}, std::log(s.distance)};
+      for (int c = 0; c < 3; ++c)
+        sample.log_light[c] = std::log(std::max(patch->light[c], kLeastLight));
+      samples.push_back(sample);
     }
     if (!told) samples.resize(before);
+    for (size_t i = before; i < samples.size(); ++i) samples[i].tells_color = tells_color;
   }
   return samples;
 }
@@ -312,7 +320,9 @@ CaptureResponse EstimateResponse(size_t photos, absl::Span<const PointSample> sa
 CaptureResponse WithoutColorDrift(const CaptureResponse& response,
                                   absl::Span<const PointSample> samples) {
   std::vector<PointSighting> sightings;
-  for (const PointSample& s : samples) sightings.push_back({s.point, s.photo, 0, 0});
+  for (const PointSample& s : samples) {
+    if (s.tells_color) sightings.push_back({s.point, s.photo, 0, 0});
+  }
   std::array<std::vector<double>, 3> logs;
   for (int c = 0; c < 3; ++c) {
     std::vector<double> gains;

@@ -23,6 +23,8 @@ struct PointSample {
   double radius = 0;                     // see RadiusOf()
   std::array<double, 3> log_light = {};  // red, green, blue; of linear light, 1: white
   double log_distance = 0;               // of the point from the camera, scene units
+  // Whether every channel is told; else only their sum is, as where blue is black in warm light.
+  bool tells_color = true;
 };
 
 // Centre and scale of radii in one photo, px. Pixel centres are at +0.5.
@@ -54,8 +56,9 @@ double LogVignette(const Vignette& vignette, double radius);
 double CornerStops(const Vignette& vignette);
 
 // Light of 5x5 pixels around every sighting, sorted by point as they are. Sightings that are cut
-// off, masked, nearly black (AboveBlack) or clipped are left out, and with them all others of that
-// point: what is left of a point would say that its light is the more even, the more was cut.
+// off, masked, nearly black (not TellsLight) or clipped are left out, and with them all others of
+// that point: what is left of a point would say that its light is the more even, the more was cut.
+// For the same reason no sample of a point tells colours if one does not (AboveBlack).
 // `frames`: one per photo. `masks`: see MaskOf. `code_step`: see FileSteps (shadow_color.h).
 std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
                                       absl::Span<const PointSighting> sightings,
@@ -65,13 +68,13 @@ std::vector<PointSample> SamplePoints(absl::Span<const Photo> photos,
 // White balances, vignette and lamp that make the photos agree on the points that they share.
 // Robust: up to a third of the samples may be wrong. What samples do not show for sure is not
 // there:
-// - A photo with fewer than kMinSightings samples has gains of 1, and all have if none differs by
-//   kLeastColor or more. Gains are drawn to 1 by three of their standard errors.
+// - A photo with fewer than kMinSightings samples that tell colours has gains of 1, and all have if
+//   none differs by kLeastColor or more. Gains are drawn to 1 by three of their standard errors.
 // - The vignette is all 0 unless it takes kLeastVignette or more at the radius that 2 % of the
 //   samples lie beyond, and four standard errors (from eight groups of points). It never rises
 //   with the radius and takes kMostVignette or less.
-// - The lamp's power is 0 unless it makes the farthest tenth of the samples kLeastLamp darker than
-//   the nearest, and is four standard errors, too.
+// - The lamp's power, kMostLamp or less, is 0 unless it makes the farthest tenth of the samples
+//   kLeastLamp darker than the nearest, and is four standard errors, too.
 // Samples that are not finite do not count; `samples` is sorted by point. All results are finite.
 // Once `cancel` is raised, they soon come, and mean nothing.
 CaptureResponse EstimateResponse(size_t photos, absl::Span<const PointSample> samples,

@@ -27,7 +27,8 @@ struct World {
   double wrong = 0;  // share of samples of something else
   double most_radius = 1;
   Vignette vignette = kNone;
-  double lamp = 0;                           // power of the distance, which goes from 1 to 4
+  double lamp = 0;                           // power of the distance
+  double farthest = 4;                       // distance; the nearest is 1
   std::vector<std::array<double, 3>> gains;  // logs; empty: 0
   int seed = 1;
 };
@@ -46,7 +47,7 @@ std::vector<PointSample> Samples(const World& w) {
       if (point < w.step * i || point >= w.step * i + w.view) continue;
       const uint64_t id = samples.size();
       PointSample s{point, i, w.most_radius * std::sqrt(place.Uniform(id)), {}};
-      s.log_distance = std::log(4) * away.Uniform(id);
+      s.log_distance = std::log(w.farthest) * away.Uniform(id);
       for (int c = 0; c < 3; ++c) {
         s.log_light[c] = std::log(0.02 + 0.3 * albedo.Uniform(3 * point + c));
         if (!w.gains.empty()) s.log_light[c] += w.gains[i][c];
@@ -148,6 +149,13 @@ TEST(Response, LightFallsWithTheSquareOfTheDistanceAtMost) {
   World w;
   w.lamp = 3;
   EXPECT_EQ(EstimateResponse(w.photos, Samples(w)).lamp_power, kMostLamp);
+}
+
+TEST(Response, ALampThatHardlyDarkensOnceItsPowerIsBoundedIsNone) {
+  World w;
+  w.lamp = 4;
+  w.farthest = 1.45;  // from the nearest to the farthest tenth 1.7 stops; a power of 2 has 0.9
+  EXPECT_EQ(EstimateResponse(w.photos, Samples(w)).lamp_power, 0);
 }
 
 TEST(Response, ALampThatHardlyDarkensIsNone) {
@@ -372,6 +380,40 @@ TEST(Response, SamplesAreOfPatchesAndPointsThatClipAreLeftOut) {
   mask.data[20 * 40 + 20] = 0;
   EXPECT_EQ(SamplePoints(photos, sightings, frames, std::vector<PlaneU8>{mask, PlaneU8()}).size(),
             2u);
+}
+
+TEST(Response, AChannelThatIsBlackTellsFalloffAndNoColor) {
+  World w;
+  w.gains = Jitter(w.photos, 0.35);
+  w.vignette = {-0.5, -0.4, -0.6};
+  std::vector<PointSample> samples = Samples(w);
+  for (PointSample& s : samples) {
+    s.tells_color = false;
+    s.log_light[2] = -20;
+  }
+  const CaptureResponse have = EstimateResponse(w.photos, samples);
+  for (const auto& gain : have.gains) EXPECT_THAT(gain, ElementsAre(1, 1, 1));
+  for (const auto& gain : WithoutColorDrift(have, samples).gains)
+    EXPECT_THAT(gain, ElementsAre(1, 1, 1));
+  EXPECT_GT(CornerStops(have.vignette), 1.5);
+}
+
+TEST(Response, SamplesOfBlackChannelsTellNoColorInAnyPhoto) {
+  Photo warm(40, 40), grey(40, 40);
+  for (int i = 0; i < 40 * 40; ++i) {
+    warm.data[3 * i] = warm.data[3 * i + 1] = kPhotoWhite / 2;
+    for (int c = 0; c < 3; ++c) grey.data[3 * i + c] = kPhotoWhite / 2;
+  }
+  const std::vector<RadialFrame> frames(2, FrameOf(grey));
+  const std::vector<PointSample> samples = SamplePoints(
+      std::vector<Photo>{warm, grey},
+      std::vector<PointSighting>{{0, 0, 20, 20}, {0, 1, 20, 20}, {1, 1, 10, 20}}, frames);
+  ASSERT_EQ(samples.size(), 3u);
+  EXPECT_FALSE(samples[0].tells_color);
+  EXPECT_FALSE(samples[1].tells_color);
+  EXPECT_TRUE(samples[2].tells_color);
+  EXPECT_LT(samples[0].log_light[2], -10);
+  EXPECT_TRUE(std::isfinite(samples[0].log_light[2]));
 }
 
 TEST(Response, SaysWhatItFound) {
