@@ -330,6 +330,12 @@ TEST(Loopback, IsToldFromAddressesThatOthersReach) {
                               "127.0.0.1.example.org:1", "localhost.example.org:1", ":1", ""}) {
     EXPECT_FALSE(IsLoopback(address)) << address;
   }
+  for (const char* host : {"127.0.0.1", "localhost", "[::1]", "::1"}) {
+    EXPECT_TRUE(IsLoopbackHost(host)) << host;
+  }
+  for (const char* host : {"unix", "unix:", "unix-abstract:", "localhost:1", "example.org", ""}) {
+    EXPECT_FALSE(IsLoopbackHost(host)) << host;
+  }
 }
 
 }  // namespace

@@ -212,7 +212,10 @@ std::optional<TlsMaterial> TlsFiles::TakeRenewed() {
 
 bool IsLoopback(std::string_view address) {
   if (address.starts_with("unix:") || address.starts_with("unix-abstract:")) return true;
-  const std::string_view host = address.substr(0, address.rfind(':'));
+  return IsLoopbackHost(address.substr(0, address.rfind(':')));
+}
+
+bool IsLoopbackHost(std::string_view host) {
   return host == "localhost" || host == "[::1]" || host == "::1" ||
          (host.starts_with("127.") &&
           host.find_first_not_of("0123456789.") == std::string_view::npos);

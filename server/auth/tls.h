@@ -73,6 +73,9 @@ class TlsFiles {
 // Unix socket.
 bool IsLoopback(std::string_view address);
 
+// Whether a host, without a port, is this machine itself: 127.x.y.z, ::1 or localhost.
+bool IsLoopbackHost(std::string_view host);
+
 }  // namespace litags
 
 #endif  // LITAGS_SERVER_AUTH_TLS_H_

@@ -36,14 +36,25 @@ absl::Status Refused(std::string_view reason, std::string_view field, const std:
   return MakeError(absl::StatusCode::kPermissionDenied, reason, field, message);
 }
 
+// What the header "host" says; the port is empty if there is none.
+struct HostPort {
+  std::string_view host, port;
+};
+
+HostPort SplitHost(std::string_view text) {
+  const size_t colon = text.rfind(':');
+  if (colon == std::string_view::npos) return {text, ""};
+  const std::string_view port = text.substr(colon + 1);
+  // "[::1]" has colons and no port.
+  if (!std::all_of(port.begin(), port.end(), absl::ascii_isdigit)) return {text, ""};
+  return {text.substr(0, colon), port};
+}
+
 // Browsers keep one cookie of a name for all ports of a host: the port is part of the name, so that
 // two servers do not end each other's sessions.
 std::string CookieName(const Head& head) {
-  const std::string_view host = head.Header("host");
-  const std::string_view port = host.substr(std::min(host.size(), host.rfind(':') + 1));
-  const bool has_port = port.size() < host.size() && !port.empty() &&
-                        std::all_of(port.begin(), port.end(), absl::ascii_isdigit);
-  return absl::StrCat("litags_token", has_port ? "_" : "", has_port ? std::string(port) : "");
+  const std::string port(SplitHost(head.Header("host")).port);
+  return absl::StrCat("litags_token", port.empty() ? "" : "_", port);
 }
 
 std::string Cookie(const Head& head, std::string_view value, std::string_view more) {
@@ -67,10 +78,7 @@ absl::Status CheckSite(const Head& head) {
 
 absl::Status CheckLocalHost(const Head& head) {
   const std::string_view host = head.Header("host");
-  // Without a port, too: IsLoopback() takes HOST:PORT.
-  if (IsLoopback(host) || IsLoopback(absl::StrCat(std::string(host), ":80"))) {
-    return absl::OkStatus();
-  }
+  if (IsLoopbackHost(SplitHost(host).host)) return absl::OkStatus();
   return Refused("HOST_NOT_LOCAL", "Host",
                  absl::StrCat("\"", Utf8Prefix(host, 200),
                               "\" is no name of this machine for itself; use 127.0.0.1 or "

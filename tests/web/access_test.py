@@ -45,7 +45,8 @@ class Browsers(GatewayTest):
         self.assertEqual(self.web.post("/v1/jobs", {}, headers=own).code, 200)
 
     def test_names_that_were_made_to_mean_this_machine(self):
-        for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", ""):
+        for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "unix",
+                     "unix:80", "unix-abstract:80"):
             self.assert_fails(self.web.get("/v1/jobs", headers={"Host": host}), 403,
                               "HOST_NOT_LOCAL")
         for host in ("localhost", "localhost:8080", "127.0.0.1", "[::1]:80"):
