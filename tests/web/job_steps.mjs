@@ -87,6 +87,40 @@ await step("a scene that one has left listens no more", async () => {
   }), [1, 1]);
 });
 
+await step("pictures that nobody sees any more are given back", async () => {
+  const nowhere = async () => {
+    await page.goto(`${url}/#/new`);
+    await page.getByRole("heading", {name: "New job"}).waitFor();
+  };
+  await nowhere();
+  await page.evaluate(() => {
+    const made = window.made = new Set(), {createObjectURL, revokeObjectURL} = URL;
+    URL.createObjectURL = (blob) => {
+      const address = createObjectURL.call(URL, blob);
+      made.add(address);
+      return address;
+    };
+    URL.revokeObjectURL = (address) => {
+      made.delete(address);
+      revokeObjectURL.call(URL, address);
+    };
+  });
+  for (const [address, shown] of [[job, ".compare"], [`${job}/scene`, "a[download$='.jpg']"]]) {
+    await page.goto(`${url}/#/${address}`);
+    await page.locator(shown).waitFor();
+    assert.ok(await page.evaluate(() => window.made.size) > 0);
+    await nowhere();
+    assert.equal(await page.evaluate(() => window.made.size), 0, address);
+  }
+  // The second of two.
+  await page.route(/CHANNEL_COLOR/, (route) => route.abort());
+  const failed = page.waitForEvent("requestfailed", (request) => request.url().includes("CHANNEL_COLOR"));
+  await page.goto(`${url}/#/${job}`);
+  await failed;
+  await page.waitForFunction(() => window.made.size === 0);
+  await nowhere();
+});
+
 await step("a video that comes while one looks", async () => {
   const name = await newJob("waits for a video");
   await page.goto(`${url}/#/${name}`);

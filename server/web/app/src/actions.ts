@@ -17,7 +17,7 @@ const kFormats: [format: string, text: string, ending: string][] = [
 
 const kOfLitags = ["PLY_ORIGINAL_LIGHT", "PLY_FULL"];  // plain 3DGS knows nothing of light
 
-export interface Part { element: HTMLElement; show: (job: Job) => void }
+export interface Part { element: HTMLElement; show: (job: Job) => void; leave?: () => void }
 
 export function actions(refresh: () => void): Part {
   let job: Job | undefined;

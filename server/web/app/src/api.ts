@@ -95,6 +95,9 @@ export class ApiError extends Error {
   constructor(readonly code: number, message: string, readonly reason = "", readonly transient = false) {
     super(message);
   }
+
+  // Whether the same call may succeed later, as it is.
+  get mayComeAgain(): boolean { return this.code === 0 || this.code >= 500 || this.transient; }
 }
 
 const kUnreachable = "the server cannot be reached";
@@ -258,7 +261,7 @@ export function follow<T extends {number?: string}>(
       timer = 0;
       if (stopped || document.hidden) return;
       on.trouble(error.message);
-      if (error.code === 0 || error.code >= 429) later();
+      if (error.mayComeAgain) later();
     });
   };
   const seen = (): void => document.hidden ? close() : open();

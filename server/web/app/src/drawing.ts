@@ -93,7 +93,7 @@ export class Drawing {
       this.fail(error instanceof ApiError ? error : new ApiError(0, String(error)));
       // A server that is busy or away is asked again in a moment.
       await new Promise((ok) => setTimeout(ok, 1000));
-      if (error instanceof ApiError && (error.code === 0 || error.code >= 429)) ++this.wanted;
+      if (error instanceof ApiError && error.mayComeAgain) ++this.wanted;
     }
   }
 }

@@ -145,5 +145,14 @@ export function jobView(id: string): View {
     trouble: notice,
   });
   const stopLooking = every(2, refresh);
-  return {title: "Job", element, leave: () => { left = true; events.stop(); stopLooking(); lines.leave(); }};
+  return {
+    title: "Job", element,
+    leave: () => {
+      left = true;
+      events.stop();
+      stopLooking();
+      lines.leave();
+      parts.forEach((part) => part.leave?.());
+    },
+  };
 }

@@ -14,7 +14,7 @@ export function pictures(): Part {
   const about = el("p", {class: "hint"});
   const element = el("section", {"aria-label": "Pictures", hidden: true}, el("h2", {}, "Before and after"),
                      slide.element, labelled("From the place of photo", camera), about);
-  let job: Job | undefined, drawn = -1, time = 0, busy = false;
+  let job: Job | undefined, drawn = -1, time = 0, busy = false, left = false;
 
   const url = async (name: string, channel: string): Promise<string> => {
     const query = new URLSearchParams({
@@ -25,10 +25,16 @@ export function pictures(): Part {
     return URL.createObjectURL(await response.blob());
   };
   let urls: string[] = [];
+  // Shows these; a browser keeps pictures until it is told that nobody wants them.
+  const keep = (next: string[]): void => {
+    urls.forEach((old) => URL.revokeObjectURL(old));
+    urls = next;
+  };
   const draw = async (): Promise<void> => {
-    if (!job || busy) return;
+    if (!job || busy || left) return;
     busy = true;
     const iteration = job.snapshotIteration!;
+    const made: string[] = [];
     let name = "";
     try {
       if (camera.options.length === 0) {
@@ -36,10 +42,10 @@ export function pictures(): Part {
         camera.append(...(cameras.cameras ?? []).map(({name}) => el("option", {value: name}, name)));
       }
       name = camera.value;  // of both pictures, whatever is chosen meanwhile
-      const next = [await url(name, "CHANNEL_ORIGINAL"), await url(name, "CHANNEL_COLOR")];
-      slide.show(next[0]!, next[1]!);
-      urls.forEach((old) => URL.revokeObjectURL(old));
-      urls = next;
+      for (const channel of ["CHANNEL_ORIGINAL", "CHANNEL_COLOR"]) made.push(await url(name, channel));
+      if (left) return;
+      slide.show(made[0]!, made[1]!);
+      keep(made.splice(0));
       drawn = iteration;
       time = Date.now();
       about.textContent = `Both are drawn from the scene of ${titleOf(job)}, iteration ${iteration}.`;
@@ -47,6 +53,7 @@ export function pictures(): Part {
     } catch {
       // The next change of the job tries again.
     } finally {
+      made.forEach((unused) => URL.revokeObjectURL(unused));
       busy = false;
     }
     if (camera.value !== name) void draw();
@@ -58,6 +65,10 @@ export function pictures(): Part {
       const iteration = job.snapshotIteration;
       if (iteration === undefined || iteration === drawn) return;
       if (job.state !== "JOB_STATE_RUNNING" || Date.now() - time > kRefreshMs) void draw();
+    },
+    leave() {
+      left = true;
+      keep([]);
     },
   };
 }

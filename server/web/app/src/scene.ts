@@ -117,6 +117,7 @@ class Stage {
     this.tour.leave();
     this.uncontrol();
     this.resized.disconnect();
+    URL.revokeObjectURL(this.save.href);
   }
 
   private page(): HTMLElement {
@@ -227,6 +228,7 @@ export function sceneView(id: string): View {
                                    el("a", {class: "button", href: `#/jobs/${id}`}, "Job")), place);
   let stage: Stage | undefined, left = false;
   const load = async (): Promise<void> => {
+    if (left) return;
     try {
       const job = await get<Job>(`/v1/jobs/${id}`);
       heading.textContent = titleOf(job);
@@ -238,7 +240,7 @@ export function sceneView(id: string): View {
     } catch (error) {
       if (left) return;
       notice(saidOfRetried(error));
-      if ((error as ApiError).code === 0) window.setTimeout(load, 2000);
+      if ((error as ApiError).mayComeAgain) window.setTimeout(load, 2000);
     }
   };
   void load();
