@@ -118,6 +118,46 @@ await step("titles that the server would not take", async () => {
   assert.equal(await title.getAttribute("placeholder"), "my oddfolder");
 });
 
+await step("nothing is changed or left by mistake during an upload", async () => {
+  await newJob("Kept", "a.png", "b.png", "c.png");
+  const {asked, release} = await hold(/files:query$/, "POST");
+  const dialogs = [], choosers = [];
+  const dismiss = (dialog) => { dialogs.push(dialog.type()); return dialog.dismiss(); };
+  const chooser = (opened) => choosers.push(opened);
+  page.on("dialog", dismiss);
+  page.on("filechooser", chooser);
+  await start.click();
+  await asked;
+  const drop = () => page.evaluate(() => {
+    const event = new Event("drop", {cancelable: true});
+    event.dataTransfer = {items: [{webkitGetAsEntry: () => null, getAsFile: () => new File(["x"], "e.png")}]};
+    document.querySelector(".drop").dispatchEvent(event);
+  });
+  const picked = {name: "d.png", mimeType: "image/png", buffer: Buffer.from("x")};
+  for (const change of [drop, () => page.locator("#files").setInputFiles(picked),
+                        () => page.getByText("Choose files").click(), () => page.getByText("Choose a folder").click(),
+                        () => page.getByRole("button", {name: "Remove the files"}).click()]) {
+    await page.evaluate(() => { document.getElementById("notice").textContent = ""; });
+    await change();
+    await said("wait until the upload has ended");
+  }
+  for (const control of [title, page.getByLabel("Iterations", {exact: true})]) assert.ok(await control.isDisabled());
+  await page.evaluate(() => { window.setTimeout(() => location.reload()); });
+  while (dialogs.length < 1) await page.waitForTimeout(50);
+  await page.getByRole("link", {name: "Jobs", exact: true}).click();
+  while (dialogs.length < 2) await page.waitForTimeout(50);
+  await page.waitForFunction(() => location.hash === "#/new");
+  assert.equal(await title.inputValue(), "Kept");
+  await page.getByText("3 photos,").waitFor();
+  await release();
+  await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
+  assert.equal(await jobsOf("Kept"), 1);
+  await page.reload();
+  assert.deepEqual([dialogs, choosers], [["beforeunload", "confirm"], []]);
+  page.off("dialog", dismiss);
+  page.off("filechooser", chooser);
+});
+
 await step("leaving during an upload ends it", async () => {
   await newJob("Left", "a.png", "b.png", "c.png");
   const {asked, release} = await hold(/files:query$/, "POST");
@@ -128,7 +168,9 @@ await step("leaving during an upload ends it", async () => {
   await start.click();
   await asked;
   page.on("request", listen);
+  const asks = page.waitForEvent("dialog").then((dialog) => dialog.accept());
   await page.getByRole("link", {name: "Jobs", exact: true}).click();
+  await asks;
   await page.getByRole("heading", {name: "Jobs"}).waitFor();
   await release();
   await page.waitForTimeout(500);  // what would follow is sent at once
@@ -289,6 +331,31 @@ await step("a full picture whose connection breaks inside of it", async () => {
   await said("the connection broke");
   await full();
   assert.equal(await page.locator("#notice").textContent(), "");
+});
+
+await step("a scene whose first answer is that the server is busy", async () => {
+  await page.goto(`${url}/#/`);
+  let refused = 0;
+  await page.route(/\/cameras$/, (route) => ++refused > 1 ? route.continue() : route.fulfill({status: 429, json: {
+    code: 8, message: "too many wait", details: [{"@type": "type.googleapis.com/google.rpc.RetryInfo"}]}}));
+  await page.goto(`${url}/#/${job}/scene`);
+  await said("too many wait");
+  await page.locator("canvas.stage[data-full=true]").waitFor();
+  assert.equal(await page.locator("#notice").textContent(), "");
+});
+
+await step("options that come late", async () => {
+  let away = true;
+  await page.route(/\/v1\/serverInfo$/, (route) => away
+    ? route.fulfill({status: 503, json: {code: 14, message: "the server starts"}}) : route.continue());
+  await page.goto(`${url}/#/new`);
+  await said("the server starts");
+  await choose("a.png", "b.png", "c.png");
+  await page.getByText("3 photos,").waitFor();
+  assert.ok(await start.isDisabled());
+  away = false;
+  await page.getByRole("combobox", {name: "Method", exact: true}).waitFor();
+  assert.ok(await start.isEnabled());
 });
 
 await browser.close();

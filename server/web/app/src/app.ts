@@ -53,9 +53,15 @@ async function who(): Promise<void> {
     await call("DELETE", "/v1/session");
     ask();
   };
-  const click = (): void => { leave().catch((error: Error) => notice(error.message)); };
+  const click = (): void => { if (mayLeave()) leave().catch((error: Error) => notice(error.message)); };
   place.replaceChildren(name ? el("span", {}, `${name} `) : "",
                         name ? el("button", {type: "button", click}, "Leave") : "");
+}
+
+// Whether what is shown may go: the user is asked, if that ends something.
+function mayLeave(): boolean {
+  const question = shown?.asks?.() || kept?.asks?.();
+  return !question || window.confirm(question);
 }
 
 function ask(keep?: View): void {
@@ -71,5 +77,8 @@ document.querySelector("a.skip")!.addEventListener("click", (event) => {
   event.preventDefault();
   main.focus();
 });
-window.addEventListener("hashchange", () => route());
+window.addEventListener("hashchange", (event) => {
+  if (mayLeave()) route();
+  else window.history.pushState(null, "", event.oldURL);
+});
 route();

@@ -69,13 +69,12 @@ export class Sha256 {
   }
 }
 
-// Of a file, as Base64; `step` is told the share done.
-export async function digestOf(file: Blob, step: (share: number) => void): Promise<string> {
+// Of a file, as Base64.
+export async function digestOf(file: Blob): Promise<string> {
   const kPiece = 4 << 20;
   const sha = new Sha256();
   for (let at = 0; at < file.size; at += kPiece) {
     sha.update(new Uint8Array(await file.slice(at, at + kPiece).arrayBuffer()));
-    step(Math.min(1, (at + kPiece) / file.size));
   }
   return btoa(String.fromCharCode(...sha.digest()));
 }

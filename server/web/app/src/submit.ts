@@ -10,6 +10,9 @@ import type {View} from "./view.js";
 const kMain = ["iterations", "max_image_side"];
 const kOfVideos = ["frames"];
 
+const kWait = "wait until the upload has ended";
+const kLeave = "The upload has not ended. Leave the page, and end it?";
+
 const camel = (name: string): string => name.replace(/_(\w)/g, (_, c: string) => c.toUpperCase());
 
 // The fields of JobOptions, made of what the server says of itself.
@@ -68,15 +71,18 @@ function valid(form: HTMLFormElement): boolean {
   return wrong?.reportValidity() ?? true;
 }
 
-// Where files are dropped or picked. `take` also gets the paths of what could not be read.
-function dropZone(take: (files: {file: File; path: string}[], unreadable: string[]) => void): HTMLElement {
+// Where files are dropped or picked, unless closed(), which tells the user. `take` also gets the paths of
+// what could not be read.
+function dropZone(closed: () => boolean,
+                  take: (files: {file: File; path: string}[], unreadable: string[]) => void): HTMLElement {
+  const click = (event: Event): void => { if (closed()) event.preventDefault(); };
   const picked = (input: HTMLInputElement): void => {
     take([...input.files ?? []].map((file) => ({file, path: file.webkitRelativePath || file.name})), []);
     input.value = "";
   };
-  const files: HTMLInputElement = el("input", {type: "file", multiple: true, id: "files",
+  const files: HTMLInputElement = el("input", {type: "file", multiple: true, id: "files", click,
                                                change: () => picked(files)});
-  const folder: HTMLInputElement = el("input", {type: "file", webkitdirectory: true, id: "folder",
+  const folder: HTMLInputElement = el("input", {type: "file", webkitdirectory: true, id: "folder", click,
                                                 change: () => picked(folder)});
   const zone = el("div", {class: "drop", role: "group", "aria-label": "Photos or a video"},
                   el("p", {}, "Drop photos, a folder, a ZIP file or a video here"),
@@ -88,7 +94,7 @@ function dropZone(take: (files: {file: File; path: string}[], unreadable: string
   zone.addEventListener("drop", (event) => {
     event.preventDefault();
     zone.classList.remove("over");
-    if (event.dataTransfer) {
+    if (event.dataTransfer && !closed()) {
       void dropped(event.dataTransfer.items).then(({found, unreadable}) => take(found, unreadable));
     }
   });
@@ -140,13 +146,24 @@ function nameOf(files: {file: File; path: string}[]): string {
   return asTitle(folder ?? (files.length === 1 ? files[0]!.file.name : ""));
 }
 
-// The files of a new job: chosen, dropped, removed. `change` is called after each.
-function fileChooser(change: () => void): {elements: HTMLElement[]; chosen: () => Chosen[];
-                                           name: () => string; trouble: () => string} {
+// The files of a new job: chosen, dropped, removed. `change` is called after each. Nothing changes while
+// `busy`, and the user is told.
+function fileChooser(busy: () => boolean, change: () => void): {
+  elements: HTMLElement[]; chosen: () => Chosen[]; name: () => string; trouble: () => string;
+} {
   let chosen: Chosen[] = [], name = "";
   const summary = el("p", {class: "chosen", "aria-live": "polite"});
   const trouble = el("p", {class: "error", "aria-live": "polite"});
-  const forget = (): void => { chosen = []; name = ""; describe(0, []); };
+  const closed = (): boolean => {
+    if (busy()) notice(kWait);
+    return busy();
+  };
+  const forget = (): void => {
+    if (closed()) return;
+    chosen = [];
+    name = "";
+    describe(0, []);
+  };
   const clear = el("button", {type: "button", click: forget}, "Remove the files");
   const describe = (left: number, unreadable: string[]): void => {
     const count = chosen.length === 0 ? "No files yet" : `${countsOf(chosen)}, ${bytesText(bytesOf(chosen))}`;
@@ -157,7 +174,8 @@ function fileChooser(change: () => void): {elements: HTMLElement[]; chosen: () =
     clear.hidden = chosen.length === 0;
     change();
   };
-  const zone = dropZone((files, unreadable) => {
+  const zone = dropZone(closed, (files, unreadable) => {
+    if (closed()) return;  // dropped before the upload, and read in the middle of it
     const more = choose(files);
     name ||= nameOf(files);
     // A file that is chosen again counts once.
@@ -208,20 +226,25 @@ export function submitView(): View {
                                                change: () => { title.value = asTitle(title.value); }});
   const main = el("div", {class: "fields"}), rest = el("div", {class: "fields"});
   const ofVideos = el("div", {class: "fields", hidden: true});
+  const fields = el("fieldset", {}, ofVideos, el("div", {class: "fields"}, labelled("Title", title)), main,
+                    el("details", {}, el("summary", {}, "All options"), rest));
   const bar = el("progress", {max: 1, value: 0, hidden: true, "aria-label": "Upload"});
   const result = el("div", {class: "result", "aria-live": "polite"});
   const go = el("button", {type: "submit", class: "primary", disabled: true}, "Upload and start");
   const look = el("button", {type: "button", disabled: true, click: () => submit(false)}, "Upload and look first");
-  const files = fileChooser(() => show());
+  const files = fileChooser(() => running !== undefined, () => show());
   const show = (): void => {
     const chosen = files.chosen();
-    go.disabled = look.disabled = chosen.length === 0 || files.trouble() !== "" || running !== undefined;
+    fields.disabled = running !== undefined;
+    go.disabled = look.disabled = chosen.length === 0 || files.trouble() !== "" || !options || fields.disabled;
     title.placeholder = files.name();
     ofVideos.hidden = !chosen.some((c) => c.role === "FILE_ROLE_VIDEO");
     bar.hidden = running === undefined;
   };
   const busy = async (work: (signal: AbortSignal) => Promise<void>): Promise<void> => {
     const {signal} = running = new AbortController();
+    const ask = (event: Event): void => event.preventDefault();
+    window.addEventListener("beforeunload", ask, {signal});
     bar.value = 0;
     result.replaceChildren();
     show();
@@ -230,6 +253,8 @@ export function submitView(): View {
     } catch (error) {
       if (!signal.aborted) result.replaceChildren(el("p", {class: "error"}, (error as ApiError).message));
     } finally {
+      window.removeEventListener("beforeunload", ask);
+      if (!signal.aborted) notice("");
       running = undefined;
       show();
     }
@@ -254,9 +279,9 @@ export function submitView(): View {
   };
   // `start` false: the job waits for its owner, who sees what the server found in the files.
   const submit = (start: boolean): void => {
-    if (!valid(element)) return;
+    if (!options || !valid(element)) return;
     const chosen = files.chosen();
-    const wanted = {displayName: asTitle(title.value) || files.name(), options: options?.read() ?? {}};
+    const wanted = {displayName: asTitle(title.value) || files.name(), options: options.read()};
     const form = JSON.stringify([wanted, chosen.map(idOfFile)]);
     if (begun && begun.form !== form) replaced.push(begun);
     const own = begun = begun?.form === form ? begun : {form, createId: newId(), startId: newId()};
@@ -270,18 +295,25 @@ export function submitView(): View {
     });
   };
 
-  get<ServerInfo>("/v1/serverInfo").then((info) => {
+  const left = new AbortController();
+  persistently(() => get<ServerInfo>("/v1/serverInfo"), left.signal, Infinity).then((info) => {
     options = optionFields(info);
     main.replaceChildren(...options.main);
     rest.replaceChildren(...options.rest);
     ofVideos.replaceChildren(...options.ofVideos);
+    show();
   }, (error: ApiError) => { if (element.isConnected) notice(error.message); });
   // The browser's own check would end without a word at a control that is folded away.
   const element = el("form", {class: "submit", novalidate: true,
                               submit: (event) => { event.preventDefault(); submit(true); }},
-                     el("h1", {}, "New job"), ...files.elements, ofVideos,
-                     el("div", {class: "fields"}, labelled("Title", title)), main,
-                     el("details", {}, el("summary", {}, "All options"), rest), bar,
+                     el("h1", {}, "New job"), ...files.elements, fields, bar,
                      el("div", {class: "row"}, go, look), result);
-  return {title: "New job", element, keeps: () => files.chosen().length > 0, leave: () => running?.abort()};
+  return {
+    title: "New job", element, keeps: () => files.chosen().length > 0,
+    asks: () => running ? kLeave : "",
+    leave: () => {
+      left.abort();
+      running?.abort();
+    },
+  };
 }

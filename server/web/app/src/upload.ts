@@ -109,8 +109,8 @@ function put(job: string, chosen: Chosen, digest: string, offset: number,
 }
 
 // Whether the same call, or the same file, may arrive later.
-const mayRetry = (error: unknown): boolean => error instanceof ApiError &&
-    (error.code === 0 || error.code >= 500 || error.transient || error.reason === "OFFSET_INVALID");
+const mayRetry = (error: unknown): boolean =>
+    error instanceof ApiError && (error.mayComeAgain || error.reason === "OFFSET_INVALID");
 
 // Waits for the next of so many attempts, or for the token that is asked for. Throws `error` if neither
 // comes.
@@ -127,14 +127,15 @@ async function pause(error: unknown, attempt: number, attempts: number, signal: 
   notice("");
 }
 
-// Repeats a call, which must be safe to repeat, until it is answered.
-export async function persistently<T>(what: () => Promise<T>, signal: AbortSignal): Promise<T> {
+// Repeats a call, which must be safe to repeat, until it is answered or has been made so often.
+export async function persistently<T>(what: () => Promise<T>, signal: AbortSignal,
+                                      attempts = kAttempts): Promise<T> {
   for (let attempt = 1; ; ++attempt) {
     try {
       signal.throwIfAborted();
       return await what();
     } catch (error) {
-      await pause(error, attempt, kAttempts, signal);
+      await pause(error, attempt, attempts, signal);
     }
   }
 }
@@ -143,7 +144,7 @@ export async function persistently<T>(what: () => Promise<T>, signal: AbortSigna
 // row that brought no bytes.
 async function sendFile(job: string, chosen: Chosen, attempts: number, step: (bytes: number) => void,
                         signal: AbortSignal): Promise<void> {
-  const digest = await digestOf(chosen.file, () => {});
+  const digest = await digestOf(chosen.file);
   for (let attempt = 1, arrived = 0; ; ++attempt) {
     try {
       signal.throwIfAborted();

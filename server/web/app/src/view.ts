@@ -5,6 +5,8 @@ export interface View {
   element: HTMLElement;
   // Whether it has what would be lost: it is put back once a token was entered.
   keeps?: () => boolean;
+  // What the user is asked before another page takes its place, as leaving would end something; or nothing.
+  asks?: () => string;
   // Called when another page takes its place: timers, streams and listeners end.
   leave?: () => void;
 }
