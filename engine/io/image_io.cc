@@ -227,9 +227,10 @@ absl::StatusOr<std::vector<std::string>> ListPhotos(const std::string& dir,
   LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> names, ListFiles(dir, field, IsPhotoName));
   if (names.empty()) {
     LITAGS_ASSIGN_OR_RETURN(const std::string others, DescribeOtherPictures(dir, field));
-    return InvalidField("NO_PHOTOS", field,
-                        absl::StrCat("the folder '", dir, "' holds no photo (", JoinedEndings(),
-                                     ")", others.empty() ? "" : "; ", others));
+    return InvalidField(
+        "NO_PHOTOS", field,
+        absl::StrCat("the folder '", dir, "' holds no photo (", JoinedEndings(), "); ",
+                     others.empty() ? "give the folder that holds the photos" : others));
   }
   return names;
 }

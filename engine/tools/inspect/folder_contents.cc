@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <system_error>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
@@ -39,6 +40,13 @@ std::vector<std::string> NamesIn(const std::string& dir, bool folders) {
   return names;
 }
 
+// What `litags submit` takes as an archive of photos.
+bool IsArchiveName(const std::string& name) {
+  const std::string lower = absl::AsciiStrToLower(name);
+  return lower.ends_with(".zip") || lower.ends_with(".tar") || lower.ends_with(".tar.gz") ||
+         lower.ends_with(".tgz");
+}
+
 size_t PhotosIn(const std::string& dir) {
   const auto photos = ListPhotos(dir, "dir");
   return photos.ok() ? photos->size() : 0;
@@ -71,6 +79,14 @@ std::vector<std::string> FoldersOfPhotos(const std::string& dir) {
 }
 
 absl::Status CheckHoldsPhotos(const std::string& dir) {
+  if (std::error_code ignored; fs::is_regular_file(dir, ignored)) {
+    return InvalidInput(
+        "NO_SUCH_FOLDER", "DIR",
+        absl::StrCat(dir, " is a file; ",
+                     IsArchiveName(dir)
+                         ? "unpack it and give the folder, or give it to litags submit"
+                         : "give the folder that holds it"));
+  }
   const absl::Status photos = ListPhotos(dir, "DIR").status();
   if (photos.ok()) return photos;
   std::vector<std::string> folders = FoldersOfPhotos(dir);

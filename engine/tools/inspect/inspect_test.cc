@@ -190,6 +190,18 @@ TEST_F(Inspect, AFolderOfFoldersIsAnsweredWithThem) {
   EXPECT_THAT(text_, HasSubstr("reason NO_PHOTOS"));
 }
 
+TEST_F(Inspect, WhatIsNoFolderOfPhotosIsAnsweredWithWhatToGive) {
+  Write("night.ZIP", "x");
+  fs::create_directory(dir_ / "none");
+  for (const auto& [given, words] :
+       {std::pair(photos_ + "/p0.jpg", "/p0.jpg is a file; give the folder that holds it"),
+        std::pair(photos_ + "/night.ZIP", "/night.ZIP is a file; unpack it and give the folder, "),
+        std::pair(dir_ / "none", "; give the folder that holds the photos")}) {
+    EXPECT_EQ(Run({given}), 2);
+    EXPECT_THAT(text_, HasSubstr(words));
+  }
+}
+
 // nerfstudio's, with cameras of 3DGS beside them.
 TEST_F(Inspect, AFolderOfADatasetIsReadAsAnArchiveOfIt) {
   const fs::path root = dir_ / "room";

@@ -240,7 +240,8 @@ absl::Status MakeOutputFolder(const std::string& path) {
   fs::create_directories(path, error);
   if (!error) return absl::OkStatus();
   return InvalidInput("BAD_OUTPUT", "-o",
-                      absl::StrCat("cannot make ", path, ": ", error.message()));
+                      absl::StrCat("cannot make ", path, ": ", error.message(),
+                                   "; choose a folder that can be written"));
 }
 
 absl::Status Inspect(const ReconstructInput& input, const ReconstructOptions& options,

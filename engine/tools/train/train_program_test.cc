@@ -280,6 +280,7 @@ TEST_F(TrainProgramTest, AnOutputFolderThatCannotBeMadeIsNamed) {
   const Outcome outcome = RunAlone({scene_ + "/low", "--output", dir_ / "file/out"});
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.text, HasSubstr("cannot make " + dir_ / "file/out"));
+  EXPECT_THAT(outcome.text, HasSubstr("; choose a folder that can be written"));
   EXPECT_THAT(outcome.text, HasSubstr("BAD_OUTPUT"));
 }
 
