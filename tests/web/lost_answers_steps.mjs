@@ -335,11 +335,13 @@ await step("a full picture whose connection breaks inside of it", async () => {
 
 await step("a scene whose first answer is that the server is busy", async () => {
   await page.goto(`${url}/#/`);
-  let refused = 0;
-  await page.route(/\/cameras$/, (route) => ++refused > 1 ? route.continue() : route.fulfill({status: 429, json: {
-    code: 8, message: "too many wait", details: [{"@type": "type.googleapis.com/google.rpc.RetryInfo"}]}}));
+  let busy = true;
+  await page.route(/\/cameras$/, (route) => busy ? route.fulfill({status: 429, json: {
+    code: 8, message: "too many wait", details: [{"@type": "type.googleapis.com/google.rpc.RetryInfo"}]}})
+    : route.continue());
   await page.goto(`${url}/#/${job}/scene`);
   await said("too many wait");
+  busy = false;
   await page.locator("canvas.stage[data-full=true]").waitFor();
   assert.equal(await page.locator("#notice").textContent(), "");
 });
