@@ -274,13 +274,8 @@ absl::Status CheckEnoughPlaced(const ReconstructReport& report, const SfmOptions
   const size_t more = names.size() - std::min(names.size(), kNamesShown);
   names.resize(names.size() - more);
   if (more > 0) names.push_back(absl::StrCat(more, " more"));
-  return MakeError(absl::StatusCode::kFailedPrecondition, "SFM_TOO_FEW_REGISTERED", "images",
-                   absl::StrCat(report.registered, " of ", report.photos,
-                                " photos could be placed by an earlier run, ", needed,
-                                " are needed; without a place: ", absl::StrJoin(names, ", "),
-                                "; try leaving those out, photos with more overlap, sharper or "
-                                "less extremely exposed ones, a lower min_registered, or known "
-                                "cameras"));
+  return TooFewRegistered(report.registered, report.photos, needed, "cameras of an earlier run",
+                          absl::StrCat("without a place: ", absl::StrJoin(names, ", ")));
 }
 
 absl::StatusOr<SparseModel> SolveCameras(const Solver& solver) {

@@ -100,6 +100,15 @@ std::string SummarizeSharedSizes(const std::vector<PhotoFile>& photos) {
                       " px, which differ by little, share a lens");
 }
 
+absl::Status TooFewRegistered(int registered, int num_photos, int needed, const std::string& by,
+                              const std::string& drops) {
+  return Refuse("SFM_TOO_FEW_REGISTERED",
+                absl::StrCat(registered, " of ", num_photos, " photos could be placed, ", needed,
+                             " are needed (", by, "): ", drops,
+                             "; try leaving those out, photos with more overlap, sharper or less "
+                             "extremely exposed ones, a lower min_registered, or known cameras"));
+}
+
 absl::Status JudgeRegistration(const SfmRung& rung, const std::vector<SfmPhoto>& photos,
                                const SfmOptions& options) {
   const int n = static_cast<int>(photos.size());
@@ -126,11 +135,8 @@ absl::Status JudgeRegistration(const SfmRung& rung, const std::vector<SfmPhoto>&
                                "; send one place per job, or add photos that link the groups"));
   }
   if (rung.registered < needed) {
-    return Refuse("SFM_TOO_FEW_REGISTERED",
-                  absl::StrCat(rung.registered, " of ", n, " photos could be placed, ", needed,
-                               " are needed (best preparation: ", rung.preparation, "): ", drops,
-                               "; try leaving those out, photos with more overlap, sharper or less "
-                               "extremely exposed ones, a lower min_registered, or known cameras"));
+    return TooFewRegistered(rung.registered, n, needed,
+                            absl::StrCat("best preparation: ", rung.preparation), drops);
   }
   return absl::OkStatus();
 }

@@ -25,6 +25,10 @@ std::string SummarizeCameras(const std::vector<PhotoFile>& photos);
 // Empty if there is none.
 std::string SummarizeSharedSizes(const std::vector<PhotoFile>& photos);
 
+// FAILED_PRECONDITION SFM_TOO_FEW_REGISTERED. `by` what, and `drops`: which photos have no place.
+absl::Status TooFewRegistered(int registered, int num_photos, int needed, const std::string& by,
+                              const std::string& drops);
+
 // OK, or FAILED_PRECONDITION SFM_NO_PARALLAX, SFM_NO_MODEL, SFM_SPLIT or SFM_TOO_FEW_REGISTERED.
 absl::Status JudgeRegistration(const SfmRung& rung, const std::vector<SfmPhoto>& photos,
                                const SfmOptions& options);
