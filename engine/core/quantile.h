@@ -32,6 +32,13 @@ T Median(std::vector<T> values) {
   return MedianInPlace(values);
 }
 
+// Standard deviation of a normal distribution about 0 by the median of magnitudes of its values,
+// which outliers hardly move; reorders them. 0 if there are none.
+template <class T>
+T DeviationFromMagnitudes(std::vector<T>& magnitudes) {
+  return MedianInPlace(magnitudes) / T(0.6745);  // the normal distribution's third quartile
+}
+
 }  // namespace litags
 
 #endif  // LITAGS_ENGINE_CORE_QUANTILE_H_

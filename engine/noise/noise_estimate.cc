@@ -33,7 +33,8 @@ double NoiseEstimate::Deviation() const {
 NoiseEstimate NoiseOf(const Photo& picture, const PlaneU8& mask) {
   NoiseEstimate noise;
   ForEachDifference(picture, mask, [&](size_t sample, float magnitude) {
-    if (picture.data[sample] > kPhotoCode / 2) noise.AddDifference(magnitude);
+    const float encoded = EncodedOf(picture.data[sample]);
+    if (encoded > 1 - kBelowWhite && encoded <= kBelowWhite) noise.AddDifference(magnitude);
   });
   return noise;
 }

@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
-#include <limits>
 
 #include "engine/core/image.h"
 #include "engine/core/mask.h"
@@ -52,12 +51,15 @@ void ForEachDifference(const Photo& picture, const PlaneU8& mask, const Visit& v
   }
 }
 
-// The noise of all channels, without samples of code 0, where black cuts it off.
+// Encoded samples up to here do not round to white.
+inline constexpr float kBelowWhite = 1 - 0.5f / 255;
+
+// The noise of all channels, without samples that round to black or white: noise is cut off there.
 NoiseEstimate NoiseOf(const Photo& picture, const PlaneU8& mask);
 
 // The noise of one channel, values in [0, 1], row by row: of samples in (0, most].
 NoiseEstimate NoiseOfChannel(const float* channel, int width, int height, const PlaneU8& mask,
-                             float most = std::numeric_limits<float>::infinity());
+                             float most);
 
 }  // namespace litags
 

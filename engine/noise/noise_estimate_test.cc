@@ -32,11 +32,12 @@ PlaneU8 LeftHalf() {
   return mask;
 }
 
-TEST(NoiseEstimate, IsTheDeviationOfFlatAreasThatAreNotBlack) {
+TEST(NoiseEstimate, IsTheDeviationOfFlatAreasThatAreNeitherBlackNorWhite) {
   EXPECT_EQ(NoiseEstimate().Deviation(), 0);
   EXPECT_NEAR(NoiseOf(TwoHalves(60, 180, 8, 8), {}).Deviation(), 8, 0.8);
   EXPECT_LT(NoiseOf(TwoHalves(60, 180), {}).Deviation(), 0.5);
   EXPECT_NEAR(NoiseOf(TwoHalves(0, 180, 0, 8), {}).Deviation(), 8, 0.8);
+  EXPECT_NEAR(NoiseOf(TwoHalves(255, 180, 0, 8), {}).Deviation(), 8, 0.8);
   EXPECT_NEAR(NoiseOf(TwoHalves(60, 180, 4, 20), LeftHalf()).Deviation(), 4, 0.4);
 }
 

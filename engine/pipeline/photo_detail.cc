@@ -46,7 +46,8 @@ PhotoDetail DetailOf(const Planes& picture) {
   const cv::Mat luma(picture.height, picture.width, CV_32F,
                      const_cast<float*>(picture.data.data()));
   const double noise =
-      NoiseOfChannel(picture.data.data(), picture.width, picture.height, PlaneU8()).Deviation() /
+      NoiseOfChannel(picture.data.data(), picture.width, picture.height, {}, kBelowWhite)
+          .Deviation() /
       255;
   const auto detail = [&](int factor) {
     return std::max(0.0, BandVariance(luma, factor) - noise * noise * BandOfNoise(factor));

@@ -169,9 +169,11 @@ double IntensityNoise(const Photo& photo, const PlaneU8& mask) {
       std::sqrt(double(m[0]) * m[0] + m[1] * m[1] + m[2] * m[2]) / (255 * std::sqrt(12.0));
   const Planes intensity = ColorModelRow(ToPlanes(photo), 0);
   std::vector<float> counted;
-  // Black has no noise to measure, and would be the median of a night sky.
+  // Black and white have no noise to measure, and would be the median of a night sky or of glare.
+  const float white = kBelowWhite * (m[0] + m[1] + m[2]);
   ForCounted(mask, photo.pixels(), [&](size_t i) {
-    if (intensity.data[i] > kHalfCode) counted.push_back(intensity.data[i]);
+    const float e = intensity.data[i];
+    if (e > kHalfCode && e <= white) counted.push_back(e);
   });
   if (counted.empty()) return rounding;
   const NoiseEstimate noise = NoiseOfChannel(intensity.data.data(), photo.width, photo.height, mask,

@@ -90,11 +90,14 @@ TEST(IntensityNoise, FindsTheNoiseOfE) {
   }
 }
 
-TEST(IntensityNoise, IsThatOfWhatIsLitWhereMostIsBlack) {
+TEST(IntensityNoise, IsThatOfWhatIsInRangeWhereMostIsBlackOrWhite) {
   const Photo lit = MakePhoto(200, 160, 0.8, 0.03, 3);
-  Photo night(200, 360);  // black below
-  std::copy(lit.data.begin(), lit.data.end(), night.data.begin());
-  EXPECT_NEAR(IntensityNoise(night), IntensityNoise(lit), 0.1 * IntensityNoise(lit));
+  for (const int16_t below : {0, kPhotoWhite}) {
+    Photo photo(200, 360);
+    std::fill(photo.data.begin(), photo.data.end(), below);
+    std::copy(lit.data.begin(), lit.data.end(), photo.data.begin());
+    EXPECT_NEAR(IntensityNoise(photo), IntensityNoise(lit), 0.1 * IntensityNoise(lit)) << below;
+  }
 }
 
 TEST(IntensityNoise, IsNeverBelowTheRoundingOfBytes) {

@@ -38,9 +38,9 @@ struct CutOff {
   }
 };
 
-// Median absolute diagonal Haar coefficient / 0.6745 (Donoho and Johnstone 1994) of the blocks that
-// are not cut off, however many those are: a torch lights little of a night photo. NoiseEstimate
-// counts codes of a picture of [0, 1]; these are roots about 0 with no largest value.
+// Deviation of the diagonal Haar coefficients (Donoho and Johnstone 1994) of the blocks that are
+// not cut off, however many those are: a torch lights little of a night photo. NoiseEstimate counts
+// codes of a picture of [0, 1]; these are roots about 0 with no largest value.
 float HaarNoise(const Planes& gray, const CutOff& cut_off) {
   std::vector<float> details;
   for (int y = 0; y + 1 < gray.height; y += 2) {
@@ -50,7 +50,7 @@ float HaarNoise(const Planes& gray, const CutOff& cut_off) {
       if (!cut_off.Holds(v)) details.push_back(std::abs(v[0] - v[1] - v[2] + v[3]) / 2);
     }
   }
-  return MedianInPlace(details) / 0.6745f;
+  return DeviationFromMagnitudes(details);
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ constexpr double kBlur = 1.4;  // px; of the photo that the taps look at
 double LumaNoise(const FloatImage& codes, const PlaneU8& mask) {
   FloatPlane luma(codes.size());
   for (int i = 0; i < codes.rows * codes.cols; ++i) luma(i) = Luma(codes(i));
-  return NoiseOfChannel(luma[0], luma.cols, luma.rows, mask).Deviation() / 255;
+  return NoiseOfChannel(luma[0], luma.cols, luma.rows, mask, kBelowWhite).Deviation() / 255;
 }
 
 }  // namespace

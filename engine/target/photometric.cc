@@ -132,11 +132,11 @@ std::vector<WeightedMean> MeansAround(const std::vector<double>& weights,
   return out;
 }
 
-// Standard deviation of the values from what is around them, as the median tells it.
+// Standard deviation of the values from what is around them.
 double Deviation(const std::vector<double>& values, const std::vector<WeightedMean>& around) {
   std::vector<double> sizes;
   for (size_t i = 0; i < values.size(); ++i) sizes.push_back(std::abs(values[i] - around[i].mean));
-  return sizes.empty() ? 0 : MedianInPlace(sizes) / 0.6745;  // of a normal distribution
+  return DeviationFromMagnitudes(sizes);
 }
 
 // Gives every photo a say in its own mean, that of the most alike other. Those that were chosen
@@ -176,7 +176,7 @@ void TakeStated(absl::Span<const double> stated, const std::vector<bool>& known,
   std::vector<double> errors = offsets;
   const double middle = MedianInPlace(errors);
   for (double& error : errors) error = std::abs(error - middle);
-  if (by_known && MedianInPlace(errors) / 0.6745 > kMostStatedError) return;
+  if (by_known && DeviationFromMagnitudes(errors) > kMostStatedError) return;
   for (size_t i = 0; i < known.size(); ++i) {
     if (!known[i] && stated[i] > 0) (*log_exposure)[i] = std::log(stated[i]) + middle;
   }

@@ -97,7 +97,7 @@ std::vector<double> Residuals(size_t photos, absl::Span<const TrackValue> values
   return residuals;
 }
 
-// Standard deviation of a value by the median residual; points' numbers took some of it.
+// Standard deviation of a value; points' numbers took some of the residuals.
 double NoiseOf(absl::Span<const TrackValue> values, const std::vector<double>& residuals) {
   std::vector<double> sizes;
   double points = 0;
@@ -107,7 +107,7 @@ double NoiseOf(absl::Span<const TrackValue> values, const std::vector<double>& r
   });
   if (sizes.empty()) return kLeastNoise;
   const double n = static_cast<double>(sizes.size());
-  return std::max(kLeastNoise, MedianInPlace(sizes) / 0.6745 * std::sqrt(n / (n - points)));
+  return std::max(kLeastNoise, DeviationFromMagnitudes(sizes) * std::sqrt(n / (n - points)));
 }
 
 double Weight(double residual, int round) {
