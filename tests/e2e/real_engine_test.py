@@ -107,7 +107,7 @@ class RealEngine(harness.ServiceTest):
             self.assertTrue(all(abs(v) < 1e6 for v in row))
 
     def test_a_killed_worker_does_not_lose_the_job(self):
-        job = self.submit_room("--iterations", "400", "--checkpoint-every", "50", "--preview-every", "50")
+        job = self.submit_room("--iterations", "800", "--checkpoint-every", "50", "--preview-every", "50")
         watch = self.start_litags("watch", job, "--json")
         for line in watch.stdout:
             if json.loads(line).get("progress", {}).get("iteration", 0) >= 150:

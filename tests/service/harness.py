@@ -185,13 +185,16 @@ def closed(sockets):
 class CuttableProxy:
     """A TCP relay to a server, whose connections can be cut or fall silent."""
 
-    def __init__(self, port, cut_every=0, progress=None):
+    def __init__(self, port, cut_every=0, progress=None, silent_after=0):
         """`cut_every`: bytes from clients after which all connections are cut; 0: never.
-        `progress`: a number that grows while the server works on what has come: a cut is put off
-        until it rests, for what a server has not read is lost with the connection."""
+        `progress`: how many bytes the server has kept: a cut is put off until it has what has come,
+        for what a server has not read is lost with the connection.
+        `silent_after`: bytes from clients after which it falls silent; 0: never."""
         self.target = port
         self.cut_every = cut_every
         self.progress = progress or (lambda: 0)
+        self.silent_after = silent_after
+        self.before = (0, self.progress())  # bytes sent and kept at the last cut
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.address = "127.0.0.1:%d" % self.listener.getsockname()[1]
         self.lock = threading.Lock()
@@ -228,6 +231,7 @@ class CuttableProxy:
                 if from_client and self._count(len(data)):
                     self._wait_for_rest()
                     self.cut()
+                    self.before = (self.sent, self.progress())
             if not from_client:
                 self.closed += 1
         for end in (source, sink):
@@ -235,14 +239,20 @@ class CuttableProxy:
                 end.shutdown(socket.SHUT_RDWR)
 
     def _wait_for_rest(self):
-        before, now = None, self.progress()
-        while now != before:
-            time.sleep(0.2)
-            before, now = now, self.progress()
+        """Until all but a part of a file is kept, or nothing more for a second."""
+        sent, kept = self.before
+        most, last = 0, time.monotonic()
+        while most < self.sent - sent - (320 << 10) and time.monotonic() < last + 1:
+            time.sleep(0.05)
+            now = self.progress() - kept
+            if now > most:
+                most, last = now, time.monotonic()
 
     def _count(self, size):
         with self.lock:
             before, self.sent = self.sent, self.sent + size
+            if self.silent_after and self.sent > self.silent_after:
+                self.silent = True
             return self.cut_every and before // self.cut_every != self.sent // self.cut_every
 
     def cut(self):

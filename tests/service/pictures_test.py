@@ -161,7 +161,7 @@ class Pictures(harness.ServiceTest):
             self.assertAlmostEqual(got, want, places=5)
 
     def test_a_job_that_still_trains_can_be_rendered(self):
-        job = self.submit("--iterations", "400", "--preview-every", "5", names=("slow.png", "b.png", "c.png"))
+        job = self.submit("--iterations", "100000", "--preview-every", "5", names=("slow.png", "b.png", "c.png"))
         self.wait_for(lambda: self.jobs.GetJob(harness.rpc.GetJobRequest(name=job))
                       .HasField("snapshot_iteration"), "a snapshot")
         _, err = self.litags("render", job, "--camera", "b.png", "-o", self.path("v.png"))

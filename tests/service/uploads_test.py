@@ -74,19 +74,18 @@ class Uploads(harness.ServiceTest):
         folder = tempfile.mkdtemp(prefix="litags-upload-")
         self.addCleanup(shutil.rmtree, folder, ignore_errors=True)
         server = harness.Server(folder)
-        proxy = harness.CuttableProxy(server.port)
+        proxy = harness.CuttableProxy(server.port, silent_after=5 << 20)
         self.addCleanup(proxy.close)
         submit = self.start_litags("submit", self.large_photos((4, 5, 6)), "--iterations", "10",
                                    server=proxy.address)
         # What the server has, not what is on its way: that is lost with it.
         self.wait_for(lambda: sum(bytes_on_disk(server.data).values()) > 4 << 20,
                       "the upload to be half way")
-        proxy.silent = True
         server.kill()
         server = harness.Server(folder, server.port)
         self.addCleanup(server.stop)
         sent = proxy.sent
-        proxy.silent = False
+        proxy.silent_after, proxy.silent = 0, False
         proxy.cut()
         out, err = submit.communicate(timeout=harness.PATIENCE_S)
         self.assertEqual(submit.returncode, 0, err)
@@ -100,7 +99,7 @@ class Uploads(harness.ServiceTest):
         folder = tempfile.mkdtemp(prefix="litags-upload-")
         self.addCleanup(shutil.rmtree, folder, ignore_errors=True)
         server = harness.Server(folder)
-        proxy = harness.CuttableProxy(server.port)
+        proxy = harness.CuttableProxy(server.port, silent_after=5 << 20)
         self.addCleanup(proxy.close)
         args = ("submit", self.large_photos((10, 11, 12)), "--iterations", "10")
         submit = self.start_litags(*args, "--retry", "1", server=proxy.address)
