@@ -1,12 +1,7 @@
 """Certificates for tests of TLS, as docs/operations.md tells, made by the program openssl."""
 
 import os
-import shutil
 import subprocess
-import unittest
-
-needed = unittest.skipUnless(shutil.which("openssl"),
-                             "needs the program openssl to make certificates")
 
 
 def make(folder):

@@ -208,7 +208,6 @@ class Refused(Program):
         self.assertRegex(err, r"\A[^\n]*/no/such/folder[^\n]*\n\Z")
 
 
-@certificates.needed
 class Secure(Program):
     """A server with TLS and tokens, which the environment names as it does for litags."""
 
@@ -254,7 +253,6 @@ class Secure(Program):
         self.assertIn("unencrypted", err)
 
 
-@certificates.needed
 class Mutual(Program):
     """A server that knows its clients by their certificates."""
 

@@ -163,7 +163,6 @@ class OfPlaintext(Flooded):
         self.flood("idle", "headers", "unended", "gzip", connections=CONNECTIONS // 4)
 
 
-@certificates.needed
 class OfTls(Flooded):
 
     @classmethod

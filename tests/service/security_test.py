@@ -25,7 +25,6 @@ def run_server(*args, env=None):
     return done.returncode, done.stdout, done.stderr
 
 
-@certificates.needed
 class Security(harness.ServiceTest):
 
     @classmethod
@@ -73,21 +72,24 @@ class Security(harness.ServiceTest):
             return ssl.get_server_certificate(("127.0.0.1", self.server.port))
 
         out, _ = self.litags_as("alice", "submit", self.photos(("slow.png", "b.png", "c.png")),
-                                "--iterations", "150")
+                                "--iterations", "100000")
         job, before = out.strip(), shown()
         with open(os.path.join(self.class_folder, "server.crt")) as file:
             self.assertEqual(file.read().strip(), before.strip())
         watch = self.start_litags(
             "--retry", "0", "--tls-ca", os.path.join(self.class_folder, "ca.crt"), "--token-file",
             os.path.join(self.class_folder, "alice.token"), "watch", job)
+        watch.stdout.readline()  # it is connected
         certificates.issue(self.class_folder, "server")
         self.wait_for(lambda: shown() != before, "the renewed certificate")
         with open(os.path.join(self.class_folder, "server.crt")) as file:
             self.assertEqual(file.read().strip(), shown().strip())
         self.litags_as("alice", "list")  # a new connection
-        _, err = watch.communicate(timeout=harness.PATIENCE_S)
-        self.assertEqual(watch.returncode, 0, err)
-        self.assertNotIn("trying again", err)
+        self.assertIsNone(watch.poll())
+        self.litags_as("alice", "cancel", job)
+        out, err = watch.communicate(timeout=harness.PATIENCE_S)
+        self.assertEqual(watch.returncode, 1, err)
+        self.assertIn("is cancelled", out)
 
     def test_nobody_gets_in_without_a_token(self):
         _, err = self.litags_as(None, "list", exit_code=5)

@@ -127,7 +127,6 @@ class Webhooks(harness.ServiceTest):
         self.assertRegex(err, "webhook.secret")
 
 
-@certificates.needed
 class HttpsWebhooks(harness.ServiceTest):
     """Receivers with TLS, and a server that trusts one authority: --webhook-ca."""
 
