@@ -1,14 +1,19 @@
-"""The rules that build the page and the viewer, with stubs of npm and node: a build tries again after
-npm has failed, and only then."""
+"""What needs npm, with stubs of npm and node: the rules that build the page and the viewer try again
+after npm has failed, and only then; tests are skipped without its registry, and only then."""
 
 import os
+import pathlib
 import shutil
 import subprocess
+import sys
 import tempfile
 import unittest
+from unittest import mock
 
 CMAKE = os.environ["LITAGS_CMAKE"]
 ROOT = os.path.dirname(os.environ["LITAGS_DEPLOY"])
+sys.path.insert(0, os.path.join(ROOT, "tests/support"))
+import npm_packages  # noqa: E402
 
 # The rule of a folder, without the library that it is a part of.
 PROJECT = """cmake_minimum_required(VERSION 3.25)
@@ -34,7 +39,7 @@ done
 """
 
 
-class Rules(unittest.TestCase):
+class Folder(unittest.TestCase):
 
     def setUp(self):
         self.folder = tempfile.mkdtemp(prefix="litags-npm-")
@@ -47,6 +52,9 @@ class Rules(unittest.TestCase):
         with open(self.at(name), "w") as file:
             file.write(text)
         os.chmod(self.at(name), 0o755)
+
+
+class Rules(Folder):
 
     def run_cmake(self, *arguments):
         done = subprocess.run([CMAKE, *arguments], cwd=self.folder, text=True,
@@ -82,6 +90,32 @@ class Rules(unittest.TestCase):
 
     def test_the_viewer(self):
         self.check("engine/viewer", "viewer.cc")
+
+
+class Packages(Folder):
+
+    def install(self, npm, path=None):
+        """What install() says with this npm."""
+        self.write("npm", npm)
+        self.write("node", "#!/bin/sh\n")
+        for name in ("package.json", "package-lock.json"):
+            self.write(name, "{}")
+        with mock.patch.dict(os.environ, PATH=path or f"{self.folder}:{os.environ['PATH']}"):
+            return npm_packages.install(self.folder, pathlib.Path(self.at("work")))
+
+    def test_without_npm_or_its_registry_tests_are_skipped(self):
+        self.assertIn("not installed", self.install("", path="/nonexistent"))
+        for code in ("ENOTFOUND", "ECONNREFUSED", "ETIMEDOUT"):
+            npm = f"#!/bin/sh\necho npm ERR! code {code} >&2\nexit 1\n"
+            self.assertIn(f"cannot be reached: {code}", self.install(npm))
+
+    def test_another_failure_of_npm_is_one_of_the_test(self):
+        with self.assertRaisesRegex(RuntimeError, "code EINTEGRITY"):
+            self.install("#!/bin/sh\necho npm ERR! code EINTEGRITY >&2\nexit 1\n")
+
+    def test_what_is_installed_is_not_installed_again(self):
+        made = "#!/bin/sh\nmkdir node_modules\n"  # a second time it fails
+        self.assertEqual([self.install(made), self.install(made)], [None, None])
 
 
 if __name__ == "__main__":

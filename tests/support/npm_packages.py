@@ -2,18 +2,23 @@
 
 import fcntl
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
 
 import skipping
 
+# npm's codes of a registry that is not there, and of a network that is not.
+UNREACHABLE = re.compile(r"(ENOTFOUND|EAI_AGAIN|ECONNREFUSED|ECONNRESET|ENETUNREACH|EHOSTUNREACH|"
+                         r"E\w*TIMEDOUT|ERR_SOCKET_TIMEOUT|E50[234])")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 def install(source, work, extra=()):
     """Puts package.json, its lock file and the files `extra` of the folder `source` into `work` and
-    installs what they name, one caller at a time. Returns why that cannot be done, or None."""
+    installs what they name, one caller at a time. Returns None, or why that cannot be done here: npm is
+    not there, or its registry cannot be reached. RuntimeError if npm fails at anything else."""
     if not shutil.which("npm") or not shutil.which("node"):
         return "node and npm are not installed"
     work.mkdir(parents=True, exist_ok=True)
@@ -35,9 +40,11 @@ def _install(source, work, extra):
              "--fetch-retries=0"],
             cwd=work, capture_output=True, text=True, timeout=240)
     except subprocess.TimeoutExpired:
-        return "npm ci takes too long"
+        return "the registry of npm does not answer"
     if run.returncode != 0:
-        return "npm ci cannot install: " + run.stderr.strip()[-300:]
+        if code := UNREACHABLE.search(run.stderr):
+            return f"the registry of npm cannot be reached: {code[0]}"
+        raise RuntimeError("npm ci cannot install: " + run.stderr.strip()[-1000:])
     done.write_text(lock)
     return None
 

@@ -1,6 +1,6 @@
 """The page in Debian's Chromium: what a user does, step by step, in browser_steps.mjs.
 
-Skipped, and says so, without Chromium, without npm, or where the server was built without the page.
+Skipped, and says so, without Chromium, without npm, or where its registry cannot be reached.
 Pictures of the steps go to the folder LITAGS_SCREENSHOTS.
 """
 
@@ -81,7 +81,7 @@ class Browser(unittest.TestCase):
         page = gateway.Client(self.server.web_port)
         self.addCleanup(page.connection.close)
         if b"app.js" not in page.get("/").body:
-            self.skipTest("the server was built without the page")
+            self.fail("the server was built without the page")
         environment = dict(
             os.environ, URL=f"http://127.0.0.1:{self.server.web_port}", TOKEN=self.token,
             CHROMIUM=npm_packages.CHROMIUM, SCREENSHOTS=str(screenshots),

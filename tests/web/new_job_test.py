@@ -1,7 +1,7 @@
 """A new job on the page with what cannot be sent, step by step, in new_job_steps.mjs; what the page
 says of a job, in job_steps.mjs; answers that are lost, in lost_answers_steps.mjs.
 
-Skipped, and says so, without Chromium, without npm, or where the server was built without the page.
+Skipped, and says so, without Chromium, without npm, or where its registry cannot be reached.
 """
 
 import os
@@ -22,7 +22,7 @@ class NewJob(gateway.GatewayTest):
     def setUp(self):
         super().setUp()
         if b"app.js" not in self.web.get("/").body:
-            self.skipTest("the server was built without the page")
+            self.fail("the server was built without the page")
 
     def run_steps(self, name, **environment):
         environment = dict(
