@@ -38,6 +38,13 @@ def health_of(channel, service=""):
     return answer[1]
 
 
+def services_of(channel):
+    """The answer of server reflection that lists the services, as its bytes."""
+    ask = channel.stream_stream("/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo")
+    list_services = b"\x3a\x00"
+    return next(ask(iter([list_services]), timeout=harness.PATIENCE_S))
+
+
 class Metrics(harness.ServiceTest):
 
     @classmethod
@@ -131,6 +138,11 @@ class Health(unittest.TestCase):
                         "litags.v1.ModelService"):
             self.assertEqual(health_of(channel, service), SERVING, service)
 
+    def test_reflection_lists_the_services(self):
+        listed = services_of(self.start(os.path.join(BIN, SERVER_PROGRAM)))
+        for service in ("ReconstructionService", "RenderService", "ModelService"):
+            self.assertIn(f"litags.v1.{service}".encode(), listed)
+
     def test_workers_that_do_not_start_are_no_health_but_pictures_are_served(self):
         # The server looks for its worker beside itself.
         program = os.path.join(self.folder, SERVER_PROGRAM)
@@ -149,7 +161,7 @@ class Backup(harness.ServiceTest):
 
     def test_a_copy_of_the_folder_of_a_stopped_server_brings_everything_back(self):
         done = self.finished_job()
-        running = self.submit("--iterations", "100", names=("slow.png", "b.png", "c.png"))
+        running = self.submit("--iterations", "500", names=("slow.png", "b.png", "c.png"))
         self.wait_for(lambda: self.state(running) == RUNNING, "the job runs")
         self.assertEqual(self.server.stop(), 0)
         elsewhere = tempfile.mkdtemp(dir=self.class_folder)
