@@ -15,6 +15,9 @@ TEST = re.compile(r"([a-z_]+/)*[A-Z]\w*[a-z]\w*(/\w+)?\.([A-Z*][\w*]*(\.\.\.)?)"
 FILE = re.compile(rf"({'|'.join(FOLDERS)})/[\w./-]+\.\w+")
 
 
+FILTER = re.compile(r"-R '([^']+)'")  # which tests show what a page says
+
+
 def tests():
     listed = subprocess.run(["ctest", "-N"], cwd=BUILD, check=True, capture_output=True, text=True)
     return re.findall(r"^ +Test +#\d+: (\S+)", listed.stdout, re.MULTILINE)
@@ -43,6 +46,15 @@ class NamesTest(unittest.TestCase):
                     missing.append(f"{page.relative_to(SOURCE)}: {word}")
         self.assertGreater(seen, 150)
         self.assertEqual(missing, [])
+
+    def test_what_pages_filter_by_finds_tests(self):
+        names, parts = tests(), set()
+        for page in pages():
+            for wanted in FILTER.findall(page.read_text()):
+                parts.update((page.relative_to(SOURCE), part) for part in wanted.split("|"))
+        self.assertGreater(len(parts), 15)
+        self.assertEqual([], [f"{page}: {part}" for page, part in sorted(parts)
+                              if not any(re.search(part, name) for name in names)])
 
 
 if __name__ == "__main__":
