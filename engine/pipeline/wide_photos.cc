@@ -127,16 +127,18 @@ std::vector<LensPhotos> PhotosByFisheye(const SparseModel& cameras) {
 }
 
 // The circle of photos spread evenly over those of a fisheye.
-double CircleOf(const ReconstructInput& input, const SparseModel& cameras, const LensPhotos& lens) {
+double CircleOf(const ReconstructInput& input, const SparseModel& cameras, const LensPhotos& lens,
+                const CancelToken& cancel) {
   constexpr size_t kLooked = 8;
-  std::vector<Photo> photos;
   const size_t n = std::min(kLooked, lens.views.size());
-  for (size_t i = 0; i < n; ++i) {
+  const auto read = [&](size_t i) -> std::optional<Photo> {
+    if (cancel.IsCancelled()) return std::nullopt;
     const std::string& name = cameras.views[lens.views[i * lens.views.size() / n]].name;
     auto photo = ReadPhoto(PhotoPath(input, name), PhotoField(name));
-    if (photo.ok()) photos.push_back(*std::move(photo));
-  }
-  return FindCircle(photos, lens.camera);
+    if (!photo.ok()) return std::nullopt;
+    return *std::move(photo);
+  };
+  return FindCircle(n, read, lens.camera);
 }
 
 absl::StatusOr<WidePhotos> FindGiven(const ReconstructInput& input,
@@ -171,9 +173,9 @@ absl::StatusOr<WidePhotos> FindGiven(const ReconstructInput& input,
     wide.photos.back().camera = static_cast<int>(i);
   }
   for (const LensPhotos& lens : PhotosByFisheye(wide.cameras)) {
-    LITAGS_RETURN_IF_ERROR(cancel.Check());
     WidePhoto photo{.kind = "fisheye"};
-    photo.lens = FisheyeLens(lens.camera, lens.lens, CircleOf(input, wide.cameras, lens));
+    photo.lens = FisheyeLens(lens.camera, lens.lens, CircleOf(input, wide.cameras, lens, cancel));
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
     photo.views = ViewsShown(photo.lens);
     if (photo.views.empty()) continue;  // of a tiny circle
     for (const int view : lens.views) {
@@ -281,7 +283,8 @@ std::vector<std::string> DescribeWidePhotos(const std::vector<WidePhoto>& photos
   return lines;
 }
 
-double FindCircle(const std::vector<Photo>& photos, const Camera& camera) {
+double FindCircle(size_t photos, absl::FunctionRef<std::optional<Photo>(size_t)> read,
+                  const Camera& camera) {
   constexpr int kRings = 200;
   constexpr int kNoise = 2 * kPhotoCode, kDark = 20 * kPhotoCode;  // codes: JPEG's, video's black
   constexpr double kPicture = 0.25;  // of a ring's pixels, that differ from the corner
@@ -290,7 +293,10 @@ double FindCircle(const std::vector<Photo>& photos, const Camera& camera) {
                                      std::max(camera.cy, camera.height - camera.cy));
   int last = -1;  // ring that is of the picture in some photo
   std::vector<Ring> rings(kRings + 1);
-  for (const Photo& photo : photos) {
+  for (size_t k = 0; k < photos; ++k) {
+    const std::optional<Photo> decoded = read(k);
+    if (!decoded) continue;
+    const Photo& photo = *decoded;
     const int16_t* const corner = photo.pixel(0, 0);
     if (*std::max_element(corner, corner + 3) > kDark)
       return std::numeric_limits<double>::infinity();

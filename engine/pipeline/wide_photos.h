@@ -3,10 +3,13 @@
 #ifndef LITAGS_ENGINE_PIPELINE_WIDE_PHOTOS_H_
 #define LITAGS_ENGINE_PIPELINE_WIDE_PHOTOS_H_
 
+#include <cstddef>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
 #include "engine/io/sparse_model.h"
@@ -53,7 +56,9 @@ std::vector<std::string> DescribeWidePhotos(const std::vector<WidePhoto>& photos
 
 // Radius, px from the principal point, of the circle that photos of one fisheye show with black
 // around; infinite: they show none, or it cannot be told from noise.
-double FindCircle(const std::vector<Photo>& photos, const Camera& camera);
+// `read(i)`: the i-th of so many photos, one after the other; nullopt: without it.
+double FindCircle(size_t photos, absl::FunctionRef<std::optional<Photo>(size_t)> read,
+                  const Camera& camera);
 
 }  // namespace litags
 

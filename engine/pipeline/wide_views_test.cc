@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -381,6 +382,11 @@ TEST(DescribeWidePhotos, OneIsNamedAndSeveralAreCounted) {
   photos[0].views.resize(1);
   EXPECT_THAT(DescribeWidePhotos(photos),
               testing::Contains("a.jpg is a fisheye: 1 view of it is a photo"));
+}
+
+double FindCircle(const std::vector<Photo>& photos, const Camera& camera) {
+  return litags::FindCircle(
+      photos.size(), [&](size_t i) { return std::optional(photos[i]); }, camera);
 }
 
 TEST(FindCircle, IsWhereThePictureOfADarkFisheyeEnds) {
