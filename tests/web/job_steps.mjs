@@ -73,6 +73,18 @@ await step("an encoder of videos that fails says why", async () => {
   assert.equal(await page.locator("#notice").textContent(), "no such codec here");
 });
 
+await step("a key that is let go before the next frame moves the camera", async () => {
+  await page.goto(`${url}/#/`);
+  assert.equal(await page.evaluate(async () => {
+    const {control} = await import("/controls.js");
+    const element = document.createElement("canvas");
+    let forward = 0;
+    control(element, {move: (x, y, z) => { forward += z; }, orbit: () => {}}, () => {});
+    for (const kind of ["keydown", "keyup"]) element.dispatchEvent(new KeyboardEvent(kind, {key: "w", code: "KeyW"}));
+    return forward > 0;
+  }), true);
+});
+
 await step("a scene that one has left listens no more", async () => {
   await page.goto(`${url}/#/`);
   assert.deepEqual(await page.evaluate(async () => {

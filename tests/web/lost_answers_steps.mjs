@@ -282,6 +282,12 @@ await step("a job that cannot be deleted says why", async () => {
   await dialog.getByRole("button", {name: "Delete"}).click();
   await said("not today");
   assert.ok(await dialog.isHidden());
+  // The page's stream of events, opened anew, takes back its own words only.
+  const opened = page.waitForResponse(/\/events/);
+  await page.evaluate(() => document.dispatchEvent(new Event("visibilitychange")));
+  await opened;
+  await page.waitForTimeout(200);
+  await said("not today");
 });
 
 // As a server with tokens, which has taken back the one of this page, answers the first such call.
@@ -317,11 +323,10 @@ await step("a full picture whose connection breaks inside of it", async () => {
   await page.goto(`${url}/#/${job}/scene`);
   await full();
   await page.evaluate(() => {
-    const usual = window.fetch;
+    const usual = window.usual = window.fetch;
     window.fetch = async (path, options) => {
       const response = await usual(path, options);
       if (options?.body?.includes('"jpegQuality":92')) {
-        window.fetch = usual;
         response.blob = () => Promise.reject(new TypeError("network error"));
       }
       return response;
@@ -329,6 +334,7 @@ await step("a full picture whose connection breaks inside of it", async () => {
   });
   await page.getByRole("button", {name: "Next photo"}).click();
   await said("the connection broke");
+  await page.evaluate(() => { window.fetch = window.usual; });
   await full();
   assert.equal(await page.locator("#notice").textContent(), "");
 });

@@ -4,6 +4,7 @@ import type {OrbitCamera} from "./camera.js";
 
 const kTurn = 0.006;   // radians a pixel
 const kFly = 0.9;      // of the distance to what is orbited, a second
+const kTap = 0.016;    // seconds that the shortest touch of a key counts
 const kKeys = new Set(["w", "a", "s", "d", "q", "e", "arrowleft", "arrowright", "arrowup", "arrowdown",
                        "+", "-"]);
 
@@ -46,11 +47,8 @@ export function control(element: HTMLElement, camera: OrbitCamera, moved: () => 
     moved();
   };
 
-  const fly = (now: number): void => {
-    frame = 0;
-    if (held.size === 0) return;
-    const step = kFly * Math.min(0.1, (now - last) / 1000 || 0.016);
-    last = now;
+  const fly = (seconds: number): void => {
+    const step = kFly * seconds;
     const keys = new Set(held.values());
     const axis = (plus: string, minus: string): number =>
         step * (Number(keys.has(plus)) - Number(keys.has(minus)));
@@ -59,16 +57,24 @@ export function control(element: HTMLElement, camera: OrbitCamera, moved: () => 
     const nearer = axis("+", "-");
     if (nearer !== 0) camera.dolly(Math.exp(-nearer));
     moved();
-    frame = requestAnimationFrame(fly);
+  };
+  const flyOn = (now: number): void => {
+    frame = 0;
+    if (held.size === 0) return;
+    fly(Math.min(0.1, Math.max(0, now - last) / 1000));
+    last = now;
+    frame = requestAnimationFrame(flyOn);
   };
   const keyDown = (event: KeyboardEvent): void => {
     const key = event.key.toLowerCase();
     if (!kKeys.has(key) || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
+    const isNew = !held.has(event.code);
     held.set(event.code, key);
+    if (isNew) fly(kTap);  // it may be let go before the next frame
     if (!frame) {
       last = performance.now();
-      frame = requestAnimationFrame(fly);
+      frame = requestAnimationFrame(flyOn);
     }
   };
   const keyUp = (event: KeyboardEvent): void => { held.delete(event.code); };

@@ -52,3 +52,12 @@ export function notice(text: string): void {
   const place = document.getElementById("notice")!;
   if (place.textContent !== text) place.textContent = text;
 }
+
+// The notices of one part: with "" it takes back what it said itself.
+export function voice(): (text: string) => void {
+  let said = "";
+  return (text) => {
+    if (text || document.getElementById("notice")!.textContent === said) notice(text);
+    said = text;
+  };
+}

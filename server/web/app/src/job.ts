@@ -3,7 +3,7 @@
 import {follow, get, saidOfRetried, type Following, type Job, type JobEvent, type LogEntry} from "./api.js";
 import {actions, downloads, type Part} from "./actions.js";
 import {chart} from "./chart.js";
-import {el, notice} from "./dom.js";
+import {el, voice} from "./dom.js";
 import {downloadLink} from "./download.js";
 import {findings} from "./findings.js";
 import {History} from "./history.js";
@@ -122,15 +122,13 @@ export function jobView(id: string): View {
         lines.again();
       }
       element.hidden = false;
-      if (failed) notice("");
-      failed = false;
+      say("");
     } catch (error) {
-      if (left) return;
-      failed = true;
-      notice(saidOfRetried(error));
+      if (!left) say(saidOfRetried(error));
     }
   };
-  let failed = false, left = false;
+  const say = voice();
+  let left = false;
   const top = head(() => void refresh()), course = curves(), lines = log(name);
   const parts: Part[] = [top, pictures(), report(), downloads(), findings(name)];
   const element = el("div", {class: "job"}, top.element, parts[1]!.element, course.element,
@@ -142,7 +140,7 @@ export function jobView(id: string): View {
       if (event.stateChange) void refresh();
     },
     end: () => void refresh(),
-    trouble: notice,
+    trouble: voice(),
   });
   const stopLooking = every(2, refresh);
   return {

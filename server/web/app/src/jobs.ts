@@ -1,7 +1,7 @@
 // All jobs, newest first.
 
 import {get, saidOfRetried, type Job} from "./api.js";
-import {el, labelled, notice, select} from "./dom.js";
+import {el, labelled, select, voice} from "./dom.js";
 import {idOf, isActive, shareDone, standing, titleOf, words} from "./format.js";
 import {thumbnail} from "./thumbnail.js";
 import {every, type View} from "./view.js";
@@ -64,6 +64,7 @@ export function jobsView(): View {
   const empty = el("p", {class: "empty", hidden: true});
   const more = el("button", {type: "button", hidden: true, click: () => { size += 50; void refresh(); }},
                   "Show more");
+  const say = voice();
   let size = 50, left = false;
   const state = select(kStates, "", {change: () => void refresh()});
   const title = el("input", {type: "search", input: () => void refresh()});
@@ -85,9 +86,9 @@ export function jobsView(): View {
       empty.replaceChildren(filter ? "No job is like this." : "There are no jobs yet. ",
                             filter ? "" : el("a", {href: "#/new"}, "Make one of your photos."));
       more.hidden = !others;
-      notice("");
+      say("");
     } catch (error) {
-      if (!left) notice(saidOfRetried(error));
+      if (!left) say(saidOfRetried(error));
     }
   };
   const element = el("div", {},

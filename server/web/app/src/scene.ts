@@ -4,7 +4,7 @@ import {get, saidOfRetried, type ApiError, type Cameras, type Job, type Picture}
 import {add, frameOf, OrbitCamera, type V3} from "./camera.js";
 import {hasWebGl} from "./contract.js";
 import {control} from "./controls.js";
-import {el, labelled, notice, select, svg} from "./dom.js";
+import {el, labelled, notice, select, svg, voice} from "./dom.js";
 import {Drawing} from "./drawing.js";
 import {titleOf} from "./format.js";
 import {Here} from "./here.js";
@@ -66,6 +66,7 @@ class Stage {
     "aria-label": "The scene. W A S D Q E move, arrow keys turn around what is in front, plus and " +
         "minus go nearer and away; drag, pinch or scroll do the same.",
   });
+  private readonly say = voice();
   private readonly status = el("p", {class: "status"});
   private readonly by = select([["server", "by the server"], ["here", "here, by WebGL"]], "server",
                                {change: () => { notice(""); this.switched(); }});
@@ -95,7 +96,7 @@ class Stage {
     this.tour = touring(job.name, titleOf(job), () => this.pose(), () => this.look());
     this.drawing = new Drawing(job.name, this.canvas, () => ({pose: this.pose(), settings: this.look()}),
                                (picture, ms, full) => this.show(picture, ms, full),
-                               (error) => notice(error.message));
+                               (error) => this.say(error.message));
     this.here = new Here(job, camera, (size, final) => this.showHere(size, final), (error) => {
       this.by.value = "server";
       this.switched();
@@ -204,7 +205,7 @@ class Stage {
     this.save.href = URL.createObjectURL(blob);
     this.save.download = `${titleOf(this.job)}.jpg`;
     this.save.hidden = false;
-    notice("");
+    this.say("");
   }
 
   // A picture is drawn here; `final`: none better follows.
@@ -226,6 +227,7 @@ export function sceneView(id: string): View {
   const place = el("div", {});
   const element = el("div", {}, el("div", {class: "heading"}, heading,
                                    el("a", {class: "button", href: `#/jobs/${id}`}, "Job")), place);
+  const say = voice();
   let stage: Stage | undefined, left = false;
   const load = async (): Promise<void> => {
     if (left) return;
@@ -236,10 +238,10 @@ export function sceneView(id: string): View {
       if (left) return;
       stage = new Stage(job, cameras);
       place.replaceChildren(stage.element);
-      notice("");
+      say("");
     } catch (error) {
       if (left) return;
-      notice(saidOfRetried(error));
+      say(saidOfRetried(error));
       if ((error as ApiError).mayComeAgain) window.setTimeout(load, 2000);
     }
   };
