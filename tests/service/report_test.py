@@ -71,7 +71,7 @@ class Reports(harness.ServiceTest):
         self.assertNotIn("img", page.tags)
 
     def test_a_job_that_runs(self):
-        job = self.submit("--iterations", "1000", "--preview-every", "5",
+        job = self.submit("--iterations", "100000", "--preview-every", "5",
                           names=("slow.png", "b.png", "c.png"))
         self.wait_for(lambda: self.jobs.GetJob(harness.rpc.GetJobRequest(name=job))
                       .HasField("snapshot_iteration"), "a snapshot")
