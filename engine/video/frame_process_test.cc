@@ -97,7 +97,7 @@ TEST_F(FrameProcess, OneThatSaysNothingOrLiesGivesAnError) {
 
 // As the kernel tells a process whose processor time is used up.
 TEST_F(FrameProcess, OneThatTakesTooLongSaysSo) {
-  const std::string video = EncodeVideo(WalkFrames(320, 180, 200, 3), {});
+  const std::string video = EncodeVideo(WalkFrames(96, 64, 3000, 0.1), {});
   // Once it catches the signal, number 24.
   const char* script =
       "(until grep -q 'SigCgt:.*[89a-f].....$' /proc/$$/status; do sleep 0.01; done; "

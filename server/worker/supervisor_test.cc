@@ -2,11 +2,14 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <chrono>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 #include <thread>
 
 #include "server/store/data_dir.h"
@@ -16,6 +19,7 @@ namespace litags {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 TEST(Supervisor, WorkerThatIsKilledWhenTheServerStopsCostsItsJobNoAttempt) {
   TempDir dir;
@@ -57,7 +61,10 @@ TEST(Supervisor, WorkerThatDiesYoungIsFollowedAfterTheLeastPauseAtFirst) {
   SupervisorOptions options;
   options.command = {"/bin/sh", "-c", "echo $1 >> " + dir.path() + "/names"};
   options.min_backoff_seconds = 1;
-  options.max_backoff_seconds = 60;
+  std::ostringstream log;
+  const auto usual = spdlog::default_logger();
+  spdlog::set_default_logger(std::make_shared<spdlog::logger>(
+      "test", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)));
   const auto start = std::chrono::steady_clock::now();
   Supervisor supervisor(options, &leases);
   const auto workers = [&] {
@@ -69,7 +76,12 @@ TEST(Supervisor, WorkerThatDiesYoungIsFollowedAfterTheLeastPauseAtFirst) {
   }
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
   EXPECT_GE(seconds.count(), 1);
-  EXPECT_LT(seconds.count(), 2);
+  supervisor.Stop();  // so that nobody writes to the log
+  spdlog::set_default_logger(usual);
+  const std::string said = log.str();
+  const std::string pause = "next one in ";
+  ASSERT_THAT(said, HasSubstr(pause));
+  EXPECT_THAT(said.substr(said.find(pause)), StartsWith(pause + "1.0 s"));
 }
 
 }  // namespace
