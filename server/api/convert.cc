@@ -174,7 +174,10 @@ Labels LabelsFromProto(const google::protobuf::Map<std::string, std::string>& pr
 v1::JobError ErrorToProto(const JobError& error) {
   v1::JobError proto;
   proto.set_code(static_cast<int>(error.code));
-  proto.set_message(WithoutPaths(error.message));
+  // Paths also where the client's own words may be told: a worker reads its files elsewhere.
+  const absl::Status status =
+      MakeError(error.code, error.detail.reason, error.detail.field, error.message);
+  proto.set_message(WithoutPaths(MessageForClients(status)));
   proto.mutable_detail()->set_reason(error.detail.reason);
   proto.mutable_detail()->set_field(error.detail.field);
   return proto;

@@ -240,6 +240,8 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::BatchDeleteJobs(
       if (cancel.IsCancelled()) return CallCancelled();
       const absl::Status status = DeleteOne(*call.jobs(), name, request->allow_missing());
       if (status.ok()) continue;
+      // The store's own: those that follow would fail, too.
+      if (absl::IsUnavailable(status) || absl::IsInternal(status)) return status;
       v1::BatchDeleteJobsResponse::Failure* failure = response->add_failures();
       failure->set_name(name);
       *failure->mutable_error() = ErrorToProto(JobError::Of(status));

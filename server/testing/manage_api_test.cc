@@ -7,6 +7,9 @@
 #include <map>
 #include <set>
 
+#include "engine/core/error.h"
+#include "server/api/convert.h"
+#include "server/jobs/client_job_store.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/photos.h"
 
@@ -16,6 +19,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 class ManageApi : public ApiTest {
  protected:
@@ -361,6 +365,36 @@ TEST_F(ManageApi, SeveralJobsAreDeletedAndTheOthersNamed) {
   for (int i = 0; i < 100; ++i) request.add_names("jobs/x");
   EXPECT_REFUSED(Call(&v1::ReconstructionService::Stub::BatchDeleteJobs, request, &response),
                  INVALID_ARGUMENT, "TOO_MANY_JOBS", "names");
+}
+
+// Its database cannot be reached.
+class StoreThatIsAway : public ClientJobStore {
+ public:
+  explicit StoreThatIsAway(JobStore* store)
+      : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+  absl::StatusOr<JobRecord> Update(std::string_view, Change) override { return Away(); }
+  static absl::Status Away() {
+    return MakeError(absl::StatusCode::kUnavailable, "STORE_UNAVAILABLE", "",
+                     "connection to server at \"10.0.0.5\", port 5432 failed");
+  }
+};
+
+TEST_F(ManageApi, WhatAStoreThatIsAwaySaysIsNotForClients) {
+  StoreThatIsAway away(store_.get());
+  Jobs jobs(&away, blobs_.get(), data_);
+  const auto server = *StartServer(Options(), &jobs, engine_.get());
+  TestClient client(server->InProcessChannel());
+  v1::BatchDeleteJobsRequest request;
+  request.add_names(NewJob());
+  v1::BatchDeleteJobsResponse response;
+  grpc::ClientContext context;
+  const grpc::Status status = client.jobs->BatchDeleteJobs(&context, request, &response);
+  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE);
+  EXPECT_EQ(DetailOf(status).reason, "STORE_UNAVAILABLE");
+  for (const std::string& said : {status.error_message(), response.DebugString(),
+                                  ErrorToProto(JobError::Of(StoreThatIsAway::Away())).message()}) {
+    EXPECT_THAT(said, Not(HasSubstr("10.0.0.5")));
+  }
 }
 
 TEST_F(ManageApi, QueuedJobsKnowTheirTurn) {
