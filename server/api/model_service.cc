@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <fstream>
@@ -156,11 +157,14 @@ class ExportStream : public SceneStream<v1::ExportModelResponse> {
       LITAGS_RETURN_IF_ERROR(status);
       return Made::kMessage;
     }
+    if (sent_bytes_ == file_bytes_) return Made::kEnd;
     std::string* chunk = message->mutable_chunk();
-    chunk->resize(kChunkBytes);
+    chunk->resize(std::min(kChunkBytes, static_cast<size_t>(file_bytes_ - sent_bytes_)));
     file_.read(chunk->data(), static_cast<std::streamsize>(chunk->size()));
     chunk->resize(static_cast<size_t>(file_.gcount()));
-    return chunk->empty() ? Made::kEnd : Made::kMessage;
+    if (chunk->empty()) return CannotReadBack();
+    sent_bytes_ += static_cast<int64_t>(chunk->size());
+    return Made::kMessage;
   }
 
   absl::Status CheckRoom() override {
@@ -170,16 +174,18 @@ class ExportStream : public SceneStream<v1::ExportModelResponse> {
                      "those asked for, and try again in a minute");
   }
 
+  static absl::Status CannotReadBack() {
+    return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
+                     "the exported file cannot be read back");
+  }
+
   absl::Status Prepare(const Scene& scene, v1::ExportHeader* header) {
     LITAGS_ASSIGN_OR_RETURN(const int64_t gaussians,
                             WriteModel(scene, request_, threads_, cancel(), path_));
     std::error_code error;
     const auto size = std::filesystem::file_size(path_, error);
     file_.open(path_, std::ios::binary);
-    if (error || !file_) {
-      return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "",
-                       "the exported file cannot be read back");
-    }
+    if (error || !file_) return CannotReadBack();
     file_bytes_ = static_cast<int64_t>(size);
     room_->Add(call().client().name, file_bytes_);
     header->set_size_bytes(file_bytes_);
@@ -193,7 +199,7 @@ class ExportStream : public SceneStream<v1::ExportModelResponse> {
   const int threads_;
   SharedRoom* const room_;
   std::ifstream file_;
-  int64_t file_bytes_ = 0;
+  int64_t file_bytes_ = 0, sent_bytes_ = 0;
 };
 
 }  // namespace

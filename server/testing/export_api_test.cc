@@ -1,6 +1,7 @@
 // ModelService over the fake engine, whose files say what was asked for.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <limits>
@@ -54,6 +55,32 @@ TEST_F(ExportApi, ExportSendsTheAnnouncedBytesAndLeavesNoFile) {
     EXPECT_THAT(bytes, ::testing::EndsWith("xend"));
   }
   EXPECT_TRUE(std::filesystem::is_empty(data_.tmp()));
+}
+
+// The file of an export whose name is gone already; none: empty.
+std::string OpenExport() {
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    std::error_code ignored;
+    const auto target = std::filesystem::read_symlink(entry.path(), ignored);
+    if (target.filename().string().starts_with("export-")) return entry.path();
+  }
+  return "";
+}
+
+TEST_F(ExportApi, AFileThatCannotBeReadToItsEndIsAnError) {
+  grpc::ClientContext context;
+  v1::ExportModelRequest request;
+  request.set_name(job_);
+  request.set_format(v1::MODEL_FORMAT_PLY_FULL);
+  const auto reader = client_.model->ExportModel(&context, request);
+  v1::ExportModelResponse part;
+  ASSERT_TRUE(reader->Read(&part));
+  // Of three chunks the last two are to come.
+  const std::string file = OpenExport();
+  ASSERT_EQ(truncate(file.c_str(), 1000), 0) << file;
+  while (reader->Read(&part)) {
+  }
+  EXPECT_REFUSED(reader->Finish(), INTERNAL, "STORE_FAILED", "");
 }
 
 TEST_F(ExportApi, ExportsInABadLightAreRefused) {
