@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <functional>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
@@ -22,7 +23,12 @@ namespace fs = std::filesystem;
 
 constexpr size_t kReadBytes = size_t{1} << 20;
 constexpr uint64_t kNobody = 0;
-constexpr char kAside[] = ".";  // between a key and the writer that set the file aside
+constexpr char kAside[] = ".";  // between a key and the writer that set the file aside: "KEY.7"
+
+bool IsAside(const std::string& name) {
+  return name.find_first_not_of("0123456789abcdef.") == std::string::npos &&
+         name.find(kAside) != std::string::npos;
+}
 
 }  // namespace
 
@@ -176,6 +182,22 @@ void PartialFile::Discard() {
   unlink(path_.c_str());
   if (chunks_ && size_ > 0)
     chunks_->Remove(job_id_, key_).IgnoreError();  // gone at the latest with the upload
+}
+
+PartialFiles::PartialFiles(std::string root, UploadChunks chunks)
+    : root_(std::move(root)), chunks_(chunks) {
+  std::error_code error;
+  for (fs::directory_iterator job(root_, error), end; !error && job != end; job.increment(error)) {
+    std::vector<fs::path> aside;
+    std::error_code no_folder;
+    for (fs::directory_iterator file(job->path(), no_folder); !no_folder && file != end;
+         file.increment(no_folder)) {
+      if (IsAside(file->path().filename())) aside.push_back(file->path());
+    }
+    for (const fs::path& path : aside) {
+      rename(path.c_str(), fs::path(path).replace_extension().c_str());
+    }
+  }
 }
 
 std::string PartialFiles::Folder(std::string_view job_id) const {

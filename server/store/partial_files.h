@@ -93,8 +93,9 @@ class PartialFile {
 // Errors: RESOURCE_EXHAUSTED (DISK_FULL), INTERNAL (STORE_FAILED), those of the chunks.
 class PartialFiles {
  public:
-  explicit PartialFiles(std::string root, UploadChunks chunks = {nullptr, 0})
-      : root_(std::move(root)), chunks_(chunks) {}
+  // Files that were set aside when the process before this one ended are partial ones again: whole,
+  // and better than what a stream that took one over may have of it.
+  explicit PartialFiles(std::string root, UploadChunks chunks = {nullptr, 0});
 
   // Bytes that are on disk now, here or in chunks, of a file that will have `file_bytes`.
   absl::StatusOr<int64_t> Size(std::string_view job_id, std::string_view key, int64_t file_bytes);

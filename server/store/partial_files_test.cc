@@ -85,5 +85,21 @@ TEST_F(PartialFilesTest, FileThatWasSetAsideComesBackUnlessItIsTakenOver) {
   EXPECT_EQ(FilesOnDisk(), 0);
 }
 
+TEST_F(PartialFilesTest, FileThatWasSetAsideInACrashIsThereAfterIt) {
+  fs::create_directory(dir_.path() + "/job");
+  fs::create_directory(dir_.path() + "/lost+found");
+  std::ofstream(dir_.path() + "/job/aa.7") << "0123456789";
+  std::ofstream(dir_.path() + "/job/aa") << "01";  // of a stream that took it over
+  std::ofstream(dir_.path() + "/lost+found/no.7") << "a stranger's";
+  PartialFiles after(dir_.path());
+  EXPECT_EQ(*after.Size("job", "aa", kBytes), kBytes);
+  EXPECT_EQ(after.UsageOf("job").files, 1);
+  EXPECT_EQ(after.UsageOf("job").bytes, kBytes);
+  const auto file = after.Open("job", "aa", kBytes, kBytes);
+  ASSERT_TRUE(file.ok()) << file.status();
+  EXPECT_EQ(*(*file)->HexDigest(), Sha256::Hex("0123456789"));
+  EXPECT_TRUE(fs::exists(dir_.path() + "/lost+found/no.7"));
+}
+
 }  // namespace
 }  // namespace litags
