@@ -17,9 +17,9 @@ namespace litags {
 // "jobs/ID/N/SHA256"), never by clients. A blob never changes. Thread-safe; several processes may
 // share a store.
 //
-// Errors: NOT_FOUND (BLOB_NOT_FOUND), RESOURCE_EXHAUSTED (DISK_FULL), DATA_LOSS (BLOB_DAMAGED) if a
-// blob named by its SHA-256 has another one, INTERNAL (STORE_FAILED). A store on another machine,
-// beside these: UNAVAILABLE (BLOBS_UNAVAILABLE), FAILED_PRECONDITION (BLOBS_DENIED).
+// Errors: NOT_FOUND (BLOB_NOT_FOUND), RESOURCE_EXHAUSTED (DISK_FULL), INTERNAL (STORE_FAILED). A
+// store on another machine, beside these: UNAVAILABLE (BLOBS_UNAVAILABLE), FAILED_PRECONDITION
+// (BLOBS_DENIED), DATA_LOSS (BLOB_DAMAGED) if a blob named by its SHA-256 has another one.
 class BlobStore {
  public:
   virtual ~BlobStore() = default;
@@ -29,6 +29,7 @@ class BlobStore {
   // The same with a local file's content; the file is consumed.
   virtual absl::Status PutFile(std::string_view key, const std::string& path) = 0;
 
+  virtual absl::StatusOr<bool> Has(std::string_view key) = 0;
   virtual absl::StatusOr<std::string> Get(std::string_view key) = 0;
   // Makes the blob readable as the local file `path`, which must not exist. The file may share its
   // bytes with the store: do not write to it.
@@ -41,7 +42,8 @@ class BlobStore {
   // Names of what is inside the folder `prefix`: the last parts of the keys of blobs and folders;
   // empty if there is no such folder.
   virtual absl::StatusOr<std::vector<std::string>> List(std::string_view prefix) = 0;
-  // Since anything in the folder `prefix` was changed last; infinity if there is no such folder.
+  // Since a blob came into the folder `prefix` last; infinity if there is no such folder. Of blobs
+  // in folders inside it, a store on disk only sees that the first one came.
   virtual absl::StatusOr<double> QuietSeconds(std::string_view prefix) = 0;
 
   // Removes one blob; none there is fine.

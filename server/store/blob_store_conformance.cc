@@ -45,6 +45,9 @@ TEST_F(BlobStoreConformance, WhatWasPutIsReadFetchedAndRemoved) {
   ASSERT_TRUE(blobs_->Put("jobs/1/aa", bytes).ok());
   ASSERT_TRUE(blobs_->Put("jobs/2/aa", "other").ok());
   EXPECT_EQ(*blobs_->Get("jobs/1/aa"), bytes);
+  EXPECT_TRUE(*blobs_->Has("jobs/1/aa"));
+  EXPECT_FALSE(*blobs_->Has("jobs/1/bb"));
+  EXPECT_FALSE(*blobs_->Has("jobs/none/aa"));
   ASSERT_TRUE(blobs_->Fetch("jobs/1/aa", dir_.path() + "/fetched").ok());
   EXPECT_EQ(ReadFile("fetched"), bytes);
   ASSERT_TRUE(blobs_->RemoveFolder("jobs/1").ok());

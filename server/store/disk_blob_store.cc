@@ -72,6 +72,13 @@ class DiskBlobStore : public BlobStore {
     return absl::OkStatus();
   }
 
+  absl::StatusOr<bool> Has(std::string_view key) override {
+    const fs::path path = PathOf(key);
+    if (access(path.c_str(), F_OK) == 0) return true;
+    if (errno == ENOENT) return false;
+    return ErrorOf("look for", path, errno);
+  }
+
   absl::StatusOr<std::string> Get(std::string_view key) override {
     const fs::path path = PathOf(key);
     std::ifstream file(path, std::ios::binary);

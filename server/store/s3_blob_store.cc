@@ -71,6 +71,13 @@ class S3BlobStore : public BlobStore {
     return absl::OkStatus();
   }
 
+  absl::StatusOr<bool> Has(std::string_view key) override {
+    const absl::Status status = SizeOf(key).status();
+    if (absl::IsNotFound(status)) return false;
+    LITAGS_RETURN_IF_ERROR(status);
+    return true;
+  }
+
   absl::StatusOr<std::string> Get(std::string_view key) override {
     std::string bytes;
     LITAGS_RETURN_IF_ERROR(Download(key, [&](const std::string& part) {

@@ -28,6 +28,7 @@ class FaultyBlobStore : public BlobStore {
     const absl::Status fault = on_write(key);
     return fault.ok() ? blobs_->PutFile(key, path) : fault;
   }
+  absl::StatusOr<bool> Has(std::string_view key) override { return blobs_->Has(key); }
   absl::StatusOr<std::string> Get(std::string_view key) override {
     const absl::Status fault = on_read(key);
     return fault.ok() ? blobs_->Get(key) : fault;
