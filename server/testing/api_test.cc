@@ -2,6 +2,7 @@
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <functional>
 #include <map>
 #include <set>
@@ -10,6 +11,7 @@
 #include "server/api/convert.h"
 #include "server/jobs/codec.h"
 #include "server/testing/api_fixture.h"
+#include "server/testing/eventually.h"
 #include "server/testing/photos.h"
 #include "server/worker/memory.h"
 
@@ -360,18 +362,26 @@ TEST_F(JobsApi, ReadersThatDoNotReadHoldNoMemoryAndLoseNothing) {
 
 TEST_F(JobsApi, WatchEndsWhenTheJobIsDeletedAndWhenTheServerStops) {
   const std::string deleted = NewJob(), kept = NewJob();
-  std::vector<v1::JobEvent> a, b;
+  std::atomic<int> a = 0, b = 0;  // events
+  const auto watch = [&](const std::string& name, std::atomic<int>* events) {
+    grpc::ClientContext call;
+    v1::WatchJobRequest request;
+    request.set_name(name);
+    const auto reader = client_.jobs->WatchJob(&call, request);
+    for (v1::JobEvent event; reader->Read(&event);) ++*events;
+    return reader->Finish();
+  };
   grpc::Status status_a, status_b;
-  std::thread watch_a([&] { status_a = client_.Watch(deleted, 0, &a); });
-  std::thread watch_b([&] { status_b = client_.Watch(kept, 0, &b); });
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  std::thread watch_a([&] { status_a = watch(deleted, &a); });
+  std::thread watch_b([&] { status_b = watch(kept, &b); });
+  EXPECT_TRUE(Eventually([&] { return a > 0 && b > 0; }));
   EXPECT_TRUE(client_.Delete(deleted).ok());
   watch_a.join();
   EXPECT_REFUSED(status_a, NOT_FOUND, "JOB_NOT_FOUND", "name");
   server_->Shutdown();
   watch_b.join();
   EXPECT_REFUSED(status_b, UNAVAILABLE, "SHUTTING_DOWN", "");
-  EXPECT_EQ(b.size(), 1u);
+  EXPECT_EQ(b.load(), 1);
 }
 
 TEST_F(JobsApi, FailureOfTheEngineArrivesWithCodeReasonAndField) {
@@ -385,7 +395,7 @@ TEST_F(JobsApi, FailureOfTheEngineArrivesWithCodeReasonAndField) {
 
 TEST_F(JobsApi, RunningJobIsCancelledAndResumesFromItsCheckpoint) {
   StartWorker();
-  const std::string name = client_.StartedJob({"slow", "b", "c"}, 100);
+  const std::string name = client_.StartedJob({"slow", "b", "c"}, 500);
   std::vector<v1::JobEvent> events;
   do {  // until a snapshot says that a checkpoint is there too
     client_.Watch(name, static_cast<int64_t>(events.size()), &events, 1);

@@ -192,6 +192,25 @@ TEST_F(HeldForClients, ExportsWaitForDiskSpaceAndThenGoOn) {
   for (std::thread& reader : readers) reader.join();
 }
 
+TEST_F(HeldForClients, AnExportThatIsNotReadIsCutOffAndItsDiskSpaceFreed) {
+  StartWorker();
+  const std::string job = client_.StartedJob({"a", "b", "c"}, 10);
+  client_.WaitFor(job, v1::JOB_STATE_SUCCEEDED);
+  ServerOptions options = Options();
+  options.answers.max_unread_seconds = 0.3;
+  Serve(options, engine_.get());
+  v1::ExportModelRequest request;
+  request.set_name(job);
+  grpc::ClientContext call;
+  const auto reader = slow_client_.model->ExportModel(&call, request);
+  reader->WaitForInitialMetadata();  // the export has begun
+  EXPECT_TRUE(Eventually([] { return OpenExports() == 0; }));
+  for (v1::ExportModelResponse part; reader->Read(&part);) {
+  }
+  const grpc::Status status = reader->Finish();
+  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE) << status.error_message();
+}
+
 // Events with previews of 1 MB, twice in the server, and room for 4 MB, of which one client may
 // have half.
 class HeldPreviews : public HeldForClients {
@@ -231,7 +250,7 @@ class HeldPreviews : public HeldForClients {
 };
 
 TEST_F(HeldPreviews, AWatcherThatDoesNotReadIsCutOffAndItsMemoryFreed) {
-  Serve(/*max_unread_seconds=*/0.3);
+  Serve(/*max_unread_seconds=*/3);
   grpc::ClientContext call;
   const auto watch = SlowWatch(&call);
   EXPECT_TRUE(Eventually([&] { return IsFull(); }));
