@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <set>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -122,37 +121,45 @@ void FillMasked(const PlaneU8& mask, Image<T>* image) {
 template void FillMasked(const PlaneU8&, Image<uint8_t>*);
 template void FillMasked(const PlaneU8&, Image<int16_t>*);
 
-absl::StatusOr<std::map<std::string, std::string>> MatchMasks(absl::Span<const std::string> photos,
-                                                              absl::Span<const std::string> masks) {
-  const std::set<std::string> names(photos.begin(), photos.end());
-  std::map<std::string, std::string> by_stem;  // empty: several photos
+MaskMatcher::MaskMatcher(absl::Span<const std::string> photos)
+    : names_(photos.begin(), photos.end()) {
   for (const std::string& photo : photos) {
-    const auto [first, added] = by_stem.emplace(WithoutExtension(photo), photo);
+    const auto [first, added] = by_stem_.emplace(WithoutExtension(photo), photo);
     if (!added) first->second.clear();
   }
+}
+
+absl::StatusOr<std::string> MaskMatcher::PhotoOf(const std::string& mask) const {
+  const std::string wanted = WithoutExtension(mask);
+  std::string photo;
+  bool several = false;
+  for (const std::string& form : {wanted, WithoutMaskWord(wanted)}) {
+    if (names_.contains(form)) photo = form;
+    const auto stem = by_stem_.find(form);
+    if (!photo.empty() || stem == by_stem_.end()) continue;
+    photo = stem->second;
+    several = photo.empty();
+  }
+  if (several) {
+    return InvalidInput("MASK_AMBIGUOUS", FieldOf(mask),
+                        absl::StrCat(FieldOf(mask), ": several photos are called ", wanted,
+                                     ".*; name the mask <photo's whole name>.png"));
+  }
+  if (photo.empty()) {
+    return InvalidInput(
+        "MASK_WITHOUT_PHOTO", FieldOf(mask),
+        absl::StrCat(FieldOf(mask), ": there is no photo ", wanted, " or ", wanted,
+                     ".*; name masks <photo's name>.png, as 0001.jpg.png, or leave it out"));
+  }
+  return photo;
+}
+
+absl::StatusOr<std::map<std::string, std::string>> MatchMasks(absl::Span<const std::string> photos,
+                                                              absl::Span<const std::string> masks) {
+  const MaskMatcher matcher(photos);
   std::map<std::string, std::string> mask_of;
   for (const std::string& mask : masks) {
-    const std::string wanted = WithoutExtension(mask);
-    std::string photo;
-    bool several = false;
-    for (const std::string& form : {wanted, WithoutMaskWord(wanted)}) {
-      if (names.contains(form)) photo = form;
-      const auto stem = by_stem.find(form);
-      if (!photo.empty() || stem == by_stem.end()) continue;
-      photo = stem->second;
-      several = photo.empty();
-    }
-    if (several) {
-      return InvalidInput("MASK_AMBIGUOUS", FieldOf(mask),
-                          absl::StrCat(FieldOf(mask), ": several photos are called ", wanted,
-                                       ".*; name the mask <photo's whole name>.png"));
-    }
-    if (photo.empty()) {
-      return InvalidInput(
-          "MASK_WITHOUT_PHOTO", FieldOf(mask),
-          absl::StrCat(FieldOf(mask), ": there is no photo ", wanted, " or ", wanted,
-                       ".*; name masks <photo's name>.png, as 0001.jpg.png, or leave it out"));
-    }
+    LITAGS_ASSIGN_OR_RETURN(const std::string photo, matcher.PhotoOf(mask));
     const auto [first, added] = mask_of.emplace(photo, mask);
     if (!added) {
       return InvalidInput("MASK_TWICE", FieldOf(mask),

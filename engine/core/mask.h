@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstring>
 #include <map>
+#include <set>
 #include <string>
 
 #include "absl/status/status.h"
@@ -67,9 +68,21 @@ void FillMasked(const PlaneU8& mask, Image<T>* image);
 absl::Status CheckMaskSize(const std::string& mask_name, int mask_width, int mask_height,
                            int photo_width, int photo_height);
 
-// Which mask belongs to which photo, by file names: <photo's name>.png, as COLMAP has it, else
-// <photo's stem>.png if one photo only has that stem. INVALID_ARGUMENT with field "masks[NAME]":
-// MASK_WITHOUT_PHOTO, MASK_AMBIGUOUS, MASK_TWICE.
+// Which photo a mask belongs to, by file names: <photo's name>.png, as COLMAP has it, else
+// <photo's stem>.png if one photo only has that stem.
+class MaskMatcher {
+ public:
+  explicit MaskMatcher(absl::Span<const std::string> photos);
+
+  // INVALID_ARGUMENT with field "masks[NAME]": MASK_WITHOUT_PHOTO, MASK_AMBIGUOUS.
+  absl::StatusOr<std::string> PhotoOf(const std::string& mask) const;
+
+ private:
+  std::set<std::string> names_;
+  std::map<std::string, std::string> by_stem_;  // empty: several photos
+};
+
+// Which mask belongs to which photo. Errors of MaskMatcher, and INVALID_ARGUMENT (MASK_TWICE).
 absl::StatusOr<std::map<std::string, std::string>> MatchMasks(absl::Span<const std::string> photos,
                                                               absl::Span<const std::string> masks);
 

@@ -2,8 +2,6 @@
 
 #include <unistd.h>
 
-#include <algorithm>
-
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
@@ -19,6 +17,12 @@ std::string PathIn(const ArchiveEntry& entry) {
   std::vector<std::string> parts = entry.folders;
   parts.push_back(entry.name);
   return ShownName(absl::StrJoin(parts, "/"));
+}
+
+// Whether the mask is of one of these photos, or of several.
+bool MayBelong(const std::string& mask, const MaskMatcher& photos) {
+  const absl::StatusOr<std::string> photo = photos.PhotoOf(mask);
+  return photo.ok() || GetErrorDetail(photo.status())->reason == "MASK_AMBIGUOUS";
 }
 
 DatasetFile FileOf(const ArchiveEntry& entry, const std::optional<FileRole>& role) {
@@ -121,13 +125,17 @@ absl::Status Unpacker::LeaveOut(const absl::Status& status, const std::string& p
 }
 
 absl::Status Unpacker::Finish() {
+  if (unreadable_.empty()) return absl::OkStatus();
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, jobs_->Files(job_id_));
+  std::vector<std::string> photos;
+  for (const FileRecord& file : files) {
+    if (file.role == FileRole::kPhoto) photos.push_back(file.name);
+  }
+  const MaskMatcher left_out(unreadable_), stored(photos);
   for (const auto& [key, path] : seen_) {
     const auto& [role, name] = key;
-    if (role != FileRole::kMask) continue;
-    const bool of_left_out = std::any_of(
-        unreadable_.begin(), unreadable_.end(),
-        [&mask = name](const std::string& photo) { return MatchMasks({photo}, {mask}).ok(); });
-    if (!of_left_out) continue;
+    if (role != FileRole::kMask || !MayBelong(name, left_out) || MayBelong(name, stored)) continue;
+    LITAGS_RETURN_IF_ERROR(cancel_.Check());
     LITAGS_RETURN_IF_ERROR(jobs_->uploads().Remove(job_id_, role, name).status());
     NoteLeftOut(path, "its photo is left out");
   }

@@ -49,7 +49,8 @@ class Unpacker : public ArchiveSink {
   absl::StatusOr<bool> Begin(const ArchiveEntry& entry) override;
   absl::Status Write(std::string_view bytes) override;
   absl::Status End() override;
-  // After the last file: takes the masks of photos that were left out from the job.
+  // After the last file: takes the masks of photos that were left out from the job, unless they
+  // are of another one, too, that it has. CANCELLED.
   absl::Status Finish();
 
   int stored() const { return stored_; }

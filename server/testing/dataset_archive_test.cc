@@ -159,6 +159,22 @@ TEST_F(DatasetArchive, APhotoThatCannotBeReadIsLeftOutByName) {
   EXPECT_TRUE(client_.Start(job_, &job).ok());
 }
 
+TEST_F(DatasetArchive, MasksOfPhotosThatAreThereStay) {
+  const std::string mask = TestPng(64, 48, 7), cut = TestPng(64, 48, 9).substr(0, 100);
+  const grpc::Status sent =
+      Send({{{"a/IMG_1.jpg", TestJpeg()}, {"a/IMG_1.png", cut}, {"a/IMG_2.png", cut}},
+            {{"a/masks/IMG_1.png", mask},
+             {"a/masks/IMG_1.png.png", mask + "x"},
+             {"a/masks/IMG_2.png", mask + "y"}},
+            Photos("a", 64, 48)});
+  ASSERT_TRUE(sent.ok()) << sent.error_message();
+  EXPECT_THAT(Stored(),
+              ElementsAre("a/0.png", "a/1.png", "a/2.png", "a/IMG_1.jpg", "a/masks/IMG_1.png"));
+  EXPECT_THAT(Skipped(), ElementsAre(StartsWith("a/IMG_1.png ("), StartsWith("a/IMG_2.png ("),
+                                     "a/masks/IMG_1.png.png (its photo is left out)",
+                                     "a/masks/IMG_2.png (its photo is left out)"));
+}
+
 TEST_F(DatasetArchive, ThatIsDamagedLeavesNothingInTheJob) {
   std::string tar = TarEntry("images/0.png", TestPng(64, 48, 1)) + std::string(512, 'x');
   job_ = NewJob();
