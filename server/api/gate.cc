@@ -112,7 +112,7 @@ TokenWatch::Ticket Call::WatchToken(std::function<void()> look) {
 absl::Status Call::CheckRoom() const {
   if (gate_->unread_.IsFor(client_.name)) return absl::OkStatus();
   return MakeError(absl::StatusCode::kResourceExhausted, "RENDER_QUEUE_FULL", "",
-                   "the memory for pictures that clients have not read yet is used up; read those "
+                   "the memory for answers that clients have not read yet is used up; read those "
                    "asked for, and try again in a second");
 }
 

@@ -42,7 +42,7 @@ struct ClientLimits {
 // What answers may cost that clients have not read yet.
 struct AnswerLimits {
   double max_unread_seconds = 60;  // a client that reads nothing for so long is cut off
-  // Pictures, previews and pieces of models in memory; one client: half of it.
+  // Answers in memory: pictures, lists, pieces of models; one client: half of it.
   int64_t max_unread_bytes = int64_t{512} << 20;
   // Exported models on disk, each until it was read; one client: half of it.
   int64_t max_export_bytes = int64_t{4} << 30;

@@ -29,6 +29,8 @@ constexpr int kDefaultFiles = 1000, kMaxFiles = 10000;
 constexpr int kJobsPerRead = 200;
 // Jobs that one call looks at. A filter that lets few through gives short pages then.
 constexpr int kMaxLookedAt = 5000;
+// A page ends before it has more, unless its first entry has: gRPC's clients take 4 MiB.
+constexpr size_t kMaxPageBytes = 2 << 20;
 
 absl::StatusOr<int> PageSize(int asked, int usual, int most) {
   if (asked >= 0 && asked <= most) return asked == 0 ? usual : asked;
@@ -94,15 +96,12 @@ absl::StatusOr<JobSurroundings> SurroundingsOf(Jobs& jobs, absl::Span<const JobR
   return around;
 }
 
-// As clients see it.
-absl::Status Describe(const JobRecord& job, const JobSurroundings& around, v1::Job* response) {
-  LITAGS_ASSIGN_OR_RETURN(*response, JobToProto(job));
-  if (job.state != JobState::kQueued) return absl::OkStatus();
+void AddSurroundings(const JobRecord& job, const JobSurroundings& around, v1::Job* response) {
+  if (job.state != JobState::kQueued) return;
   response->set_waits_for(WaitsFor(job, around.workers));
   const auto position = around.queue_positions.find(job.id);
   // Not there: a worker took it since it was read.
   if (position != around.queue_positions.end()) response->set_queue_position(position->second);
-  return absl::OkStatus();
 }
 
 // A page of files starts after this one.
@@ -114,8 +113,11 @@ std::string PageToken(const FileRecord& file) {
 
 absl::Status Answer(Jobs& jobs, const absl::StatusOr<JobRecord>& job, v1::Job* response) {
   LITAGS_RETURN_IF_ERROR(job.status());
-  LITAGS_ASSIGN_OR_RETURN(const JobSurroundings around, SurroundingsOf(jobs, {&*job, 1}));
-  return Describe(*job, around, response);
+  LITAGS_ASSIGN_OR_RETURN(*response, JobToProto(*job));
+  // The call has done what it is for, whether or not the store still answers.
+  const auto around = SurroundingsOf(jobs, {&*job, 1});
+  if (around.ok()) AddSurroundings(*job, *around, response);
+  return absl::OkStatus();
 }
 
 absl::Status ListJobs(Jobs& jobs, const v1::ListJobsRequest& request,
@@ -126,17 +128,25 @@ absl::Status ListJobs(Jobs& jobs, const v1::ListJobsRequest& request,
   const std::string kind = KindOf(request);
   LITAGS_ASSIGN_OR_RETURN(JobPlace place, ParsePageToken(request.page_token(), kind));
   std::vector<JobRecord> page;
+  size_t bytes = 0;
   for (int looked_at = 0;;) {
     const int wanted = std::min(kJobsPerRead, size + 1);  // one more tells of a next page
     LITAGS_ASSIGN_OR_RETURN(std::vector<JobRecord> some,
                             jobs.List(place.time_ms, place.id, wanted, order));
     bool full = false;
     for (JobRecord& job : some) {
-      const bool shown = filter(job);
-      full = shown && page.size() == static_cast<size_t>(size);
-      if (full) break;
+      v1::Job shown;
+      const bool is_shown = filter(job);
+      if (is_shown) {
+        LITAGS_ASSIGN_OR_RETURN(shown, JobToProto(job));
+        bytes += shown.ByteSizeLong();
+        full = page.size() == static_cast<size_t>(size) || (bytes > kMaxPageBytes && !page.empty());
+        if (full) break;
+      }
       place = {job.create_time_ms, job.id};
-      if (shown) page.push_back(std::move(job));
+      if (!is_shown) continue;
+      *response->add_jobs() = std::move(shown);
+      page.push_back(std::move(job));
     }
     looked_at += static_cast<int>(some.size());
     const bool last = !full && some.size() < static_cast<size_t>(wanted);
@@ -147,8 +157,8 @@ absl::Status ListJobs(Jobs& jobs, const v1::ListJobsRequest& request,
     }
   }
   LITAGS_ASSIGN_OR_RETURN(const JobSurroundings around, SurroundingsOf(jobs, page));
-  for (const JobRecord& job : page) {
-    LITAGS_RETURN_IF_ERROR(Describe(job, around, response->add_jobs()));
+  for (size_t i = 0; i < page.size(); ++i) {
+    AddSurroundings(page[i], around, response->mutable_jobs(static_cast<int>(i)));
   }
   return absl::OkStatus();
 }
@@ -172,21 +182,24 @@ absl::Status ListFiles(Jobs& jobs, const v1::ListFilesRequest& request,
     });
   }
   std::map<std::string, v1::PhotoFindings> findings = FindingsOf(files);
+  size_t bytes = 0;
   for (; file != files.end(); ++file) {
-    if (response->files_size() == size) {
-      response->set_next_page_token(PageToken(*std::prev(file)));
-      break;
-    }
-    v1::JobFile* proto = response->add_files();
-    proto->set_name(file->name);
-    proto->set_role(static_cast<v1::FileRole>(file->role));
-    proto->set_size_bytes(file->size_bytes);
-    proto->set_sha256(absl::HexStringToBytes(file->sha256));
-    proto->set_width(file->width);
-    proto->set_height(file->height);
+    v1::JobFile proto;
+    proto.set_name(file->name);
+    proto.set_role(static_cast<v1::FileRole>(file->role));
+    proto.set_size_bytes(file->size_bytes);
+    proto.set_sha256(absl::HexStringToBytes(file->sha256));
+    proto.set_width(file->width);
+    proto.set_height(file->height);
     const auto found = findings.find(file->name);
     if (file->role == FileRole::kPhoto && found != findings.end()) {
-      *proto->mutable_found() = std::move(found->second);
+      *proto.mutable_found() = std::move(found->second);
+    }
+    if (const auto video = FoundInVideo(*file)) *proto.mutable_found_in_video() = *video;
+    bytes += proto.ByteSizeLong();
+    if (response->files_size() == size || (bytes > kMaxPageBytes && response->files_size() > 0)) {
+      response->set_next_page_token(PageToken(*std::prev(file)));
+      break;
     }
     if (const auto video = FoundInVideo(*file)) *proto->mutable_found_in_video() = *video;
   }

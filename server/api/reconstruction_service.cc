@@ -38,7 +38,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::JobCall(
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
     return Answer(*call.jobs(), (call.jobs()->*change)(id), response);
   };
-  return RunUnary(gate_, context, name, pool_, work);
+  return RunUnary(gate_, context, name, pool_, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
@@ -50,7 +50,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
     if (job.ok()) spdlog::info("job={} created", job->id);
     return Answer(*call.jobs(), job, response);
   };
-  return RunUnary(gate_, context, {"CreateJob", CallKind::kChange}, pool_, work);
+  return RunUnary(gate_, context, {"CreateJob", CallKind::kChange}, pool_, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::GetServerInfo(Context* context,
@@ -60,7 +60,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::GetServerInfo(Context* cont
     LITAGS_ASSIGN_OR_RETURN(*response, DescribeServer(call));
     return absl::OkStatus();
   };
-  return RunUnary(gate_, context, {"GetServerInfo", CallKind::kRead}, pool_, work);
+  return RunUnary(gate_, context, {"GetServerInfo", CallKind::kRead}, pool_, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::CloneJob(Context* context,
@@ -74,7 +74,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CloneJob(Context* context,
     if (job.ok()) spdlog::info("job={} cloned from {}", job->id, id);
     return Answer(*call.jobs(), job, response);
   };
-  return RunUnary(gate_, context, {"CloneJob", CallKind::kChange}, blob_pool_, work);
+  return RunUnary(gate_, context, {"CloneJob", CallKind::kChange}, blob_pool_, response, work);
 }
 
 grpc::ServerReadReactor<grpc::ByteBuffer>* ReconstructionServiceImpl::UploadImages(
@@ -109,20 +109,21 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::QueryUpload(
     }
     return absl::OkStatus();
   };
-  return RunUnary(gate_, context, {"QueryUpload", CallKind::kRead}, blob_pool_, work);
+  return RunUnary(gate_, context, {"QueryUpload", CallKind::kRead}, blob_pool_, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListFiles(Context* context,
                                                                const v1::ListFilesRequest* request,
                                                                v1::ListFilesResponse* response) {
-  const auto work = [=](Call& call, const CancelToken&) {
+  const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(call.CheckRoom());
     return litags::ListFiles(*call.jobs(), *request, response);
   };
-  return RunUnary(gate_, context, {"ListFiles", CallKind::kRead}, pool_, work);
+  return RunUnary(gate_, context, {"ListFiles", CallKind::kRead}, pool_, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteFile(
-    Context* context, const v1::DeleteFileRequest* request, google::protobuf::Empty*) {
+    Context* context, const v1::DeleteFileRequest* request, google::protobuf::Empty* response) {
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
     LITAGS_ASSIGN_OR_RETURN(const FileRole role, ParseFileRole(request->role(), "role"));
@@ -134,7 +135,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteFile(
                                   " has no such file of this role; ListFiles names "
                                   "those it has"));
   };
-  return RunUnary(gate_, context, {"DeleteFile", CallKind::kChange}, pool_, work);
+  return RunUnary(gate_, context, {"DeleteFile", CallKind::kChange}, pool_, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::StartJob(Context* context,
@@ -145,7 +146,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::StartJob(Context* context,
     LITAGS_RETURN_IF_ERROR(CheckRequestId(request->request_id()));
     return Answer(*call.jobs(), call.jobs()->Start(id, request->request_id()), response);
   };
-  return RunUnary(gate_, context, {"StartJob", CallKind::kChange}, pool_, work);
+  return RunUnary(gate_, context, {"StartJob", CallKind::kChange}, pool_, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::GetJob(Context* context,
@@ -158,9 +159,10 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListJobs(Context* context,
                                                               const v1::ListJobsRequest* request,
                                                               v1::ListJobsResponse* response) {
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
+    LITAGS_RETURN_IF_ERROR(call.CheckRoom());
     return litags::ListJobs(*call.jobs(), *request, response);
   };
-  return RunUnary(gate_, context, {"ListJobs", CallKind::kRead}, pool_, work);
+  return RunUnary(gate_, context, {"ListJobs", CallKind::kRead}, pool_, response, work);
 }
 
 grpc::ServerWriteReactor<v1::JobEvent>* ReconstructionServiceImpl::WatchJob(
@@ -188,7 +190,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::UpdateJob(Context* context,
     const auto change = [&](JobDetails& details) { return ApplyUpdate(*request, &details); };
     return Answer(*call.jobs(), call.jobs()->Update(id, request->job().etag(), change), response);
   };
-  return RunUnary(gate_, context, {"UpdateJob", CallKind::kChange}, pool_, work);
+  return RunUnary(gate_, context, {"UpdateJob", CallKind::kChange}, pool_, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::CancelJob(Context* context,
@@ -215,16 +217,16 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ResumeJob(Context* context,
     LITAGS_RETURN_IF_ERROR(CheckRequestId(request->request_id()));
     return Answer(*call.jobs(), call.jobs()->Resume(id, change, request->request_id()), response);
   };
-  return RunUnary(gate_, context, {"ResumeJob", CallKind::kChange}, pool_, work);
+  return RunUnary(gate_, context, {"ResumeJob", CallKind::kChange}, pool_, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteJob(Context* context,
                                                                const v1::DeleteJobRequest* request,
-                                                               google::protobuf::Empty*) {
+                                                               google::protobuf::Empty* response) {
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     return DeleteOne(*call.jobs(), request->name(), request->allow_missing());
   };
-  return RunUnary(gate_, context, {"DeleteJob", CallKind::kChange}, blob_pool_, work);
+  return RunUnary(gate_, context, {"DeleteJob", CallKind::kChange}, blob_pool_, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::BatchDeleteJobs(
@@ -248,7 +250,8 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::BatchDeleteJobs(
     }
     return absl::OkStatus();
   };
-  return RunUnary(gate_, context, {"BatchDeleteJobs", CallKind::kChange}, blob_pool_, work);
+  return RunUnary(gate_, context, {"BatchDeleteJobs", CallKind::kChange}, blob_pool_, response,
+                  work);
 }
 
 }  // namespace litags

@@ -123,8 +123,8 @@ grpc::ServerUnaryReactor* RenderServiceImpl::ListCameras(grpc::CallbackServerCon
                                                          const v1::ListCamerasRequest* request,
                                                          v1::ListCamerasResponse* response) {
   const CallName name{"ListCameras", CallKind::kPicture};
-  const auto check = [](const Call&) { return absl::OkStatus(); };
-  const auto work = [=](Call&, const CancelToken&, const Scene& scene) -> absl::Status {
+  const auto check = [](const Call& call) { return call.CheckRoom(); };
+  const auto work = [=](Call& call, const CancelToken&, const Scene& scene) -> absl::Status {
     for (const View& view : scene.views()) {
       v1::NamedCamera* camera = response->add_cameras();
       camera->set_name(view.name);
@@ -135,6 +135,7 @@ grpc::ServerUnaryReactor* RenderServiceImpl::ListCameras(grpc::CallbackServerCon
     response->set_radius(scene.radius());
     response->set_iteration(scene.iteration());
     response->set_gaussians(scene.num_gaussians());
+    call.Hold(static_cast<int64_t>(response->ByteSizeLong()));
     return absl::OkStatus();
   };
   return RunWithScene(gate_, context, name, pool_, scenes_, request->name(), check, work);

@@ -5,6 +5,7 @@
 #include <grpcpp/support/server_callback.h>
 
 #include <atomic>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
@@ -108,15 +109,20 @@ grpc::ServerUnaryReactor* RunUnaryInSteps(Gate* gate, grpc::CallbackServerContex
   return reactor;
 }
 
-// The same, answered with what `work(call, cancel)` returns.
-template <typename Work>
+// The same, answered with `response` as `work(call, cancel)` leaves it; its bytes count until they
+// were read.
+template <typename Response, typename Work>
 grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* context, CallName name,
-                                   ThreadPool* pool, Work work) {
-  return RunUnaryInSteps(
-      gate, context, name, pool,
-      [work = std::move(work)](Call& call, const CancelToken& cancel, UnaryReactor* reactor) {
-        reactor->Answer(work(call, cancel));
-      });
+                                   ThreadPool* pool, const Response* response, Work work) {
+  return RunUnaryInSteps(gate, context, name, pool,
+                         [response, work = std::move(work)](Call& call, const CancelToken& cancel,
+                                                            UnaryReactor* reactor) {
+                           const absl::Status status = work(call, cancel);
+                           if (status.ok()) {
+                             call.Hold(static_cast<int64_t>(response->ByteSizeLong()));
+                           }
+                           reactor->Answer(status);
+                         });
 }
 
 // The end of a stream that was not let in. Deletes itself when the call is over.
