@@ -359,7 +359,7 @@ TEST_F(PathApi, BadPathsAreRefusedWithTheirField) {
 }
 
 TEST_F(RenderApi, SnapshotOfARunningJobRendersAndANewerOneReplacesIt) {
-  const std::string running = client_.StartedJob({"slow", "b", "c"}, 200);
+  const std::string running = client_.StartedJob({"slow", "b", "c"}, 100000);
   request_.set_name(running);
   request_.mutable_pose()->set_camera("b.png");
   v1::RenderedView view;

@@ -320,6 +320,12 @@ class Starting(unittest.TestCase):
     def test_addresses_that_others_reach(self):
         self.assertIn("unencrypted", self.refused("--web", "0.0.0.0:0"))
 
+    def test_a_server_that_knows_clients_by_certificates_alone(self):
+        with tempfile.TemporaryDirectory() as folder:
+            tls = certificates.make(folder)
+            self.assertIn("WEB_NEEDS_TOKENS", self.refused(
+                *tls, "--tls-client-ca", f"{folder}/ca.crt", "--web", "127.0.0.1:0"))
+
     def test_an_address_that_is_taken(self):
         with socket.create_server(("127.0.0.1", 0)) as taken:
             said = self.refused("--web", "127.0.0.1:%d" % taken.getsockname()[1])
