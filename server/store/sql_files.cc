@@ -31,6 +31,14 @@ absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string
   return ReadAll(*row, ReadFile);
 }
 
+absl::StatusOr<std::vector<FileRecord>> SelectFilesOf(SqlSession& sql, std::string_view id,
+                                                      FileRole role) {
+  const auto row = sql.Prepare(absl::StrCat(
+      "SELECT ", kFileColumns, " FROM files WHERE job_id=?1 AND role=?2 ORDER BY name"));
+  row->Bind(id).Bind(static_cast<int64_t>(role));
+  return ReadAll(*row, ReadFile);
+}
+
 absl::StatusOr<std::optional<FileRecord>> SelectFile(SqlSession& sql, std::string_view id,
                                                      FileRole role, std::string_view name) {
   const auto row = sql.Prepare(
@@ -54,15 +62,18 @@ absl::StatusOr<FileTally> SelectTally(SqlSession& sql, std::string_view id, int6
 
 absl::StatusOr<std::optional<JobFile>> SelectSameFile(SqlSession& sql, std::string_view id,
                                                       FileRole role, std::string_view sha256) {
-  const auto row = sql.Prepare(absl::StrCat("SELECT ", kFileColumns,
-                                            ", job_id FROM files WHERE sha256=?1 AND role=?2 AND "
-                                            "(SELECT owner FROM jobs WHERE id=job_id) = "
-                                            "(SELECT owner FROM jobs WHERE id=?3) "
-                                            "ORDER BY job_id <> ?3 LIMIT 1"));
-  row->Bind(sha256).Bind(static_cast<int64_t>(role)).Bind(id);
-  LITAGS_ASSIGN_OR_RETURN(const bool found, row->Step());
-  if (!found) return std::nullopt;
-  return JobFile{row->Text(7), ReadFile(*row)};
+  // In the job itself, then in the owner's others. Two texts: an order would read all copies.
+  for (const char* where : {"job_id=?3",
+                            "(SELECT owner FROM jobs WHERE id=job_id) = "
+                            "(SELECT owner FROM jobs WHERE id=?3)"}) {
+    const auto row = sql.Prepare(
+        absl::StrCat("SELECT ", kFileColumns,
+                     ", job_id FROM files WHERE sha256=?1 AND role=?2 AND ", where, " LIMIT 1"));
+    row->Bind(sha256).Bind(static_cast<int64_t>(role)).Bind(id);
+    LITAGS_ASSIGN_OR_RETURN(const bool found, row->Step());
+    if (found) return JobFile{row->Text(7), ReadFile(*row)};
+  }
+  return std::nullopt;
 }
 
 absl::Status UpsertFile(SqlSession& sql, std::string_view id, const FileRecord& file) {

@@ -17,6 +17,8 @@ namespace litags {
 
 // `id`: of the job.
 absl::StatusOr<std::vector<FileRecord>> SelectFiles(SqlSession& sql, std::string_view id);
+absl::StatusOr<std::vector<FileRecord>> SelectFilesOf(SqlSession& sql, std::string_view id,
+                                                      FileRole role);
 absl::StatusOr<std::optional<FileRecord>> SelectFile(SqlSession& sql, std::string_view id,
                                                      FileRole role, std::string_view name);
 // `photos`: how many of them the job has.

@@ -1,6 +1,7 @@
 #include "server/store/sql_jobs.h"
 
 #include <algorithm>
+#include <limits>
 #include <type_traits>
 
 #include "absl/strings/str_cat.h"
@@ -246,13 +247,14 @@ absl::StatusOr<std::vector<JobRecord>> SelectPage(SqlSession& sql, int64_t after
                                                   std::string_view after_id, int limit,
                                                   const std::optional<std::string>& owner,
                                                   ListOrder order) {
-  // A text for each case, so that each uses its index.
+  // A text for each case, so that each begins in its index where the page does.
   const bool newest = order == ListOrder::kNewestFirst;
+  if (after_time_ms == 0 && newest) after_time_ms = std::numeric_limits<int64_t>::max();
   const char* const direction = newest ? " DESC" : "";
-  const auto row = sql.Prepare(absl::StrCat(
-      "SELECT ", Columns(), " FROM jobs WHERE ", owner ? "owner=?4 AND " : "",
-      "(?1=0 OR (create_time_ms, id) ", newest ? "<" : ">", " (?1, ?2)) ORDER BY create_time_ms",
-      direction, ", id", direction, " LIMIT ?3"));
+  const auto row = sql.Prepare(absl::StrCat("SELECT ", Columns(), " FROM jobs WHERE ",
+                                            owner ? "owner=?4 AND " : "", "(create_time_ms, id) ",
+                                            newest ? "<" : ">", " (?1, ?2) ORDER BY create_time_ms",
+                                            direction, ", id", direction, " LIMIT ?3"));
   row->Bind(after_time_ms).Bind(after_id).Bind(int64_t{limit});
   if (owner) row->Bind(*owner);
   return ReadAll(*row, ReadJob);

@@ -7,14 +7,39 @@
 #include <filesystem>
 #include <fstream>
 
+#include "absl/strings/str_join.h"
 #include "engine/core/error_test_util.h"
 #include "server/store/job_store.h"
+#include "server/store/sql_files.h"
+#include "server/store/sql_jobs.h"
 #include "server/store/sqlite.h"
+#include "server/store/sqlite_migrations.h"
 #include "server/testing/no_room.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+// How SQLite goes about what is asked through it.
+class PlanningSession : public SqlSession {
+ public:
+  explicit PlanningSession(SqlSession* sql) : sql_(sql) {}
+  std::unique_ptr<SqlStatement> Prepare(const std::string& sql) override {
+    const auto row = sql_->Prepare("EXPLAIN QUERY PLAN " + sql);
+    const auto steps = ReadAll(*row, [](const SqlStatement& step) { return step.Text(3); });
+    plans.push_back(absl::StrJoin(*steps, "; "));
+    return sql_->Prepare(sql);
+  }
+  absl::Status Execute(const std::string& sql) override { return sql_->Execute(sql); }
+  std::vector<std::string> plans;
+
+ private:
+  SqlSession* const sql_;
+};
 
 class SqliteJobStoreTest : public ::testing::Test {
  protected:
@@ -112,6 +137,31 @@ TEST_F(SqliteJobStoreTest, CommitsAreSyncedInWalMode) {
   };
   EXPECT_EQ(setting("journal_mode"), "wal");
   EXPECT_EQ(setting("synchronous"), "2");  // FULL
+}
+
+TEST_F(SqliteJobStoreTest, APageOfAListBeginsInItsIndex) {
+  const auto connection = *SqliteConnection::Open(dir_.path() + "/jobs.db");
+  ASSERT_TRUE(MigrateSqlite(connection.get()).ok());
+  PlanningSession sql(connection.get());
+  for (const ListOrder order : {ListOrder::kNewestFirst, ListOrder::kOldestFirst}) {
+    ASSERT_TRUE(SelectPage(sql, 1, "a", 10, std::nullopt, order).ok());
+    ASSERT_TRUE(SelectPage(sql, 1, "a", 10, "alice", order).ok());
+  }
+  EXPECT_THAT(sql.plans, ::testing::SizeIs(4));
+  EXPECT_THAT(sql.plans,
+              ::testing::Each(AllOf(HasSubstr("SEARCH"), HasSubstr("(create_time_ms,id)"),
+                                    Not(HasSubstr("SCAN")), Not(HasSubstr("TEMP B-TREE")))));
+}
+
+TEST_F(SqliteJobStoreTest, OneCopyOfAFileIsReadToFindIt) {
+  const auto connection = *SqliteConnection::Open(dir_.path() + "/jobs.db");
+  ASSERT_TRUE(MigrateSqlite(connection.get()).ok());
+  PlanningSession sql(connection.get());
+  ASSERT_FALSE((*SelectSameFile(sql, "a", FileRole::kPhoto, "d1")).has_value());
+  ASSERT_THAT(sql.plans, ::testing::SizeIs(2));
+  EXPECT_THAT(sql.plans[0], HasSubstr("(sha256=? AND job_id=? AND role=?)"));
+  EXPECT_THAT(sql.plans[1],
+              AllOf(HasSubstr("SEARCH"), HasSubstr("(sha256=?"), Not(HasSubstr("TEMP B-TREE"))));
 }
 
 TEST_F(SqliteJobStoreTest, FolderThatDoesNotExistIsAClearError) {
