@@ -201,7 +201,7 @@ absl::Status ListFiles(Jobs& jobs, const v1::ListFilesRequest& request,
       response->set_next_page_token(PageToken(*std::prev(file)));
       break;
     }
-    if (const auto video = FoundInVideo(*file)) *proto->mutable_found_in_video() = *video;
+    *response->add_files() = std::move(proto);
   }
   return absl::OkStatus();
 }

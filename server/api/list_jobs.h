@@ -8,7 +8,8 @@
 
 namespace litags {
 
-// The answer of a call that is about one job; its error if there is none.
+// The answer of a call that is about one job; its error if there is none. What others do to its
+// turn is left out where the store does not tell.
 absl::Status Answer(Jobs& jobs, const absl::StatusOr<JobRecord>& job, v1::Job* response);
 
 // See ListJobs and ListFiles in reconstruction_service.proto.

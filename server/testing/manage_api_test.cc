@@ -468,6 +468,33 @@ TEST_F(ManageApi, QueuedJobsKnowTheirTurn) {
   EXPECT_EQ(job.queue_position(), 0);
 }
 
+TEST_F(ManageApi, AChangeThatWasMadeIsToldThoughTheStoreThenGoesAway) {
+  class AwayAfterwards : public ClientJobStore {
+   public:
+    explicit AwayAfterwards(JobStore* store)
+        : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+    absl::StatusOr<JobQueue> Queue() override {  // read after the change
+      return MakeError(absl::StatusCode::kUnavailable, "STORE_UNAVAILABLE", "", "away");
+    }
+  };
+  const std::string job = NewJob();
+  ASSERT_TRUE(client_
+                  .Upload(job, {{"a.png", TestPng(64, 48, 1)},
+                                {"b.png", TestPng(64, 48, 2)},
+                                {"c.png", TestPng(64, 48, 3)}})
+                  .ok());
+  AwayAfterwards store(store_.get());
+  Jobs jobs(&store, blobs_.get(), data_);
+  server_ = *StartServer(Options(), &jobs, engine_.get());
+  client_ = TestClient(server_->InProcessChannel());
+  v1::Job started;
+  const grpc::Status status = client_.Start(job, &started);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(started.state(), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(started.queue_position(), 0);
+  server_.reset();  // before its store
+}
+
 TEST_F(ManageApi, TheLogIsFollowedToTheEndAndReadAgain) {
   const std::string job = client_.StartedJob({"a", "b", "c"});
   StartWorker();
