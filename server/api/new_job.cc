@@ -93,8 +93,6 @@ absl::StatusOr<NewJob> NewJobOf(const v1::CloneJobRequest& request, const JobRec
   LITAGS_ASSIGN_OR_RETURN(ReconstructOptions options, Decode<ReconstructOptions>(source.options));
   const std::optional<Tone> tone = options.tone;
   const Tone tone_in_force = ToneInForce(options);
-  // Of a job that was trained further.
-  if (options.schedule_iterations < options.iterations) options.schedule_iterations = 0;
   LITAGS_ASSIGN_OR_RETURN(job.options, OptionsFromProto(request.options(), options));
   if (HasAll(request.options()) && job.options.tone == tone_in_force) job.options.tone = tone;
   LITAGS_ASSIGN_OR_RETURN(const JobPolicy policy, PolicyOf(source));
