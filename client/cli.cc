@@ -28,7 +28,7 @@ std::string NextStep(const std::string& reason, const std::string& job) {
   if (reason == "SCENE_NOT_READY") return absl::StrCat("litags watch ", job);
   if (reason == "JOB_RUNNING") return absl::StrCat("litags cancel ", job);
   if (reason == "JOB_NOT_RESUMABLE" || reason == "JOB_ALREADY_DONE" ||
-      reason == "JOB_NOT_UPLOADING") {
+      reason == "JOB_NOT_UPLOADING" || reason == "SCENE_NOT_MADE") {
     return absl::StrCat("litags show ", job);
   }
   return "";

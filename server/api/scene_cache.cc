@@ -55,6 +55,13 @@ absl::StatusOr<KeptFile> SceneCache::NewestOf(Jobs* jobs, const std::string& id)
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, jobs->Get(id));
   LITAGS_ASSIGN_OR_RETURN(const auto file, Jobs::SceneOf(job));
   if (file) return *file;
+  if (IsTerminal(job.state)) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "SCENE_NOT_MADE", "name",
+                     job.state == JobState::kFailed
+                         ? "the job FAILED and made no scene; see its error, or resume it"
+                         : absl::StrCat("the job is ", std::string(JobStateName(job.state)),
+                                        " and made no scene; resume it"));
+  }
   return MakeError(absl::StatusCode::kFailedPrecondition, "SCENE_NOT_READY", "name",
                    absl::StrCat("the job is ", std::string(JobStateName(job.state)),
                                 " and has no snapshot yet; WatchJob tells when there is one"));

@@ -38,9 +38,9 @@ class SceneCache {
   // The scene of the job called `name`, if it is one of the call's: the snapshot that `snapshot`
   // names, if it is still in memory; else, and where it names none, the newest, which it then
   // names. nullopt: it is not in memory, and `then` is called with it from that thread; until then,
-  // call, token and `snapshot` must live. FAILED_PRECONDITION (SCENE_NOT_READY) if there is none
-  // yet; else the errors of ParseJobName(), Jobs::Get(), Jobs::FetchKept() and Engine::LoadScene(),
-  // and what `loads` refuses with.
+  // call, token and `snapshot` must live. FAILED_PRECONDITION if there is none: SCENE_NOT_READY,
+  // or, of a job that has ended, SCENE_NOT_MADE; else the errors of ParseJobName(), Jobs::Get(),
+  // Jobs::FetchKept() and Engine::LoadScene(), and what `loads` refuses with.
   std::optional<Result> Get(Call& call, const CancelToken& cancel, const std::string& name,
                             Snapshot* snapshot, std::function<void(const Result&)> then);
 

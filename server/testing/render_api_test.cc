@@ -382,6 +382,12 @@ TEST_F(RenderApi, SnapshotOfARunningJobRendersAndANewerOneReplacesIt) {
   EXPECT_EQ(job.state(), v1::JOB_STATE_RUNNING);
 }
 
+TEST_F(RenderApi, NobodyWaitsForTheSceneOfAJobThatEndedWithoutOne) {
+  request_.set_name(client_.StartedJob({"fail", "b", "c"}));
+  client_.WaitFor(request_.name(), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(Refusal(), "SCENE_NOT_MADE name");
+}
+
 // A server whose blob store goes away: reads wait until `back_` and then fail.
 class AwayRenderApi : public ApiTest {
  protected:

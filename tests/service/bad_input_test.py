@@ -215,6 +215,12 @@ class BadRequests(harness.ServiceTest):
         _, err = self.litags("render", job, "--camera", "a.png", "-o",
                              os.path.join(self.folder, "v.png"), exit_code=5)
         self.assertIn("SCENE_NOT_READY", err)
+        self.assertIn("litags watch", err)
+        self.jobs.CancelJob(rpc.CancelJobRequest(name=job))
+        _, err = self.litags("render", job, "--camera", "a.png", "-o",
+                             os.path.join(self.folder, "v.png"), exit_code=5)
+        self.assertIn("SCENE_NOT_MADE", err)
+        self.assertIn("litags show", err)
 
     def test_a_server_that_is_not_running_is_one_clear_line(self):
         for command in (("list",), ("submit", self.photos()), ("watch", "1"), ("doctor",)):
