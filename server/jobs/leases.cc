@@ -250,13 +250,7 @@ absl::Status Leases::GiveBack(const Lease& lease, int64_t ran_ms, std::string_vi
 }
 
 absl::Status Leases::NoteUnreferencedBlobs(const Lease& lease) {
-  const absl::Status status = store_
-                                  ->Update(lease.job.id,
-                                           [](JobTransaction& job) {
-                                             job.job.has_unreferenced_blobs = true;
-                                             return absl::OkStatus();
-                                           })
-                                  .status();
+  const absl::Status status = NoteUnreferencedBlobsOf(*store_, lease.job.id);
   return absl::IsNotFound(status) ? absl::OkStatus() : status;  // a deleted job's blobs are swept
 }
 

@@ -16,6 +16,7 @@
 #include "server/jobs/jobs.h"
 #include "server/jobs/state_machine.h"
 #include "server/jobs/sweep_mark.h"
+#include "server/jobs/transition.h"
 #include "server/store/digest.h"
 
 namespace litags {
@@ -328,11 +329,7 @@ absl::Status Jobs::NoteBlobsBut(const std::set<std::string>& named, const std::s
     }
   }
   absl::Status status = blobs.status();
-  const auto note = [](JobTransaction& job) {
-    job.job.has_unreferenced_blobs = true;
-    return absl::OkStatus();
-  };
-  status.Update(store_->Update(id, note).status());
+  status.Update(NoteUnreferencedBlobsOf(*store_, id));
   return status;
 }
 

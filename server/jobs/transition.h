@@ -31,6 +31,9 @@ inline constexpr int64_t kMaxJobLogBytesWithStates = kMaxJobLogBytes + (int64_t{
 absl::Status AddStateEvent(JobTransaction& job, int64_t now_ms, std::string_view message,
                            const JobError* error = nullptr);
 
+// Notes that blobs of the job may be there that no row names, for a sweep.
+absl::Status NoteUnreferencedBlobsOf(JobStore& store, std::string_view id);
+
 }  // namespace litags
 
 #endif  // LITAGS_SERVER_JOBS_TRANSITION_H_
