@@ -57,14 +57,14 @@ absl::StatusOr<JobRecord> ClientJobStore::Update(std::string_view id, Change cha
   return store_->Update(id, [&](JobTransaction& job) -> absl::Status {
     if (!Sees(job.job)) return JobNotFound(id);
     if (view_.max_bytes == 0) return change(job);
-    LITAGS_ASSIGN_OR_RETURN(const OwnerUsage before, job.Usage());
+    const int64_t bytes = job.Bytes();
     const JobState state = job.job.state;
     LITAGS_RETURN_IF_ERROR(change(job));
-    LITAGS_ASSIGN_OR_RETURN(const OwnerUsage after, job.Usage());
     // Whoever is above the quota may still do all that adds nothing. A run adds what it will leave.
     const bool runs = job.job.state == JobState::kQueued && state != JobState::kQueued;
-    if (after.bytes <= before.bytes && !runs) return absl::OkStatus();
-    return CheckByteQuota(after.bytes, view_.max_bytes);
+    if (job.Bytes() <= bytes && !runs) return absl::OkStatus();
+    LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, job.Usage());
+    return CheckByteQuota(usage.bytes, view_.max_bytes);
   });
 }
 

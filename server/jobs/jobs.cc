@@ -222,7 +222,10 @@ absl::StatusOr<JobRecord> Jobs::Clone(std::string_view id, const NewJob& asked,
                      absl::StrCat("jobs/", source.id, " is the client \"", source.owner,
                                   "\"'s; only that client can clone it"));
   }
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, store_->Files(id));
+  LITAGS_ASSIGN_OR_RETURN(std::vector<FileRecord> files, store_->Files(id));
+  // Archives last: one that is noted does not come again for a file that is gone.
+  std::stable_partition(files.begin(), files.end(),
+                        [](const FileRecord& f) { return f.role != FileRole::kArchive; });
   NewJob wanted = asked;
   LITAGS_ASSIGN_OR_RETURN(const JobPolicy policy, PolicyOf(source));
   // An administrator may have raised it.

@@ -262,14 +262,7 @@ absl::Status Uploads::PutRow(std::string_view id, const FileRecord& file, int64_
 
 // A file was stored that the job does not have. At worst it goes with the job.
 void Uploads::NoteUnreferencedBlobs(std::string_view id) {
-  const absl::Status status = store_
-                                  ->Update(id,
-                                           [](JobTransaction& job) {
-                                             job.job.has_unreferenced_blobs = true;
-                                             return absl::OkStatus();
-                                           })
-                                  .status();
-  if (!absl::IsNotFound(status)) return;
+  if (!absl::IsNotFound(NoteUnreferencedBlobsOf(*store_, id))) return;
   // Of a deleted job. Sweep() tries again.
   blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id))).IgnoreError();
 }
@@ -300,15 +293,16 @@ absl::StatusOr<int64_t> Uploads::CheckAdd(std::string_view id, const FileRecord&
   if (present.Has(file)) return 0;
   int64_t returning = 0;
   if (job.unreferenced_bytes > 0 && present.tally.same_bytes == 0) {
-    BlobsOf blobs_of;
-    LITAGS_ASSIGN_OR_RETURN(const bool there, HasBlob(job.id, file.sha256, &blobs_of));
+    LITAGS_ASSIGN_OR_RETURN(const bool there, blobs_->Has(BlobKey(job.id, file.sha256)));
     if (there) returning = std::min(file.size_bytes, job.unreferenced_bytes);
   }
   job.unreferenced_bytes -= returning;
   LITAGS_RETURN_IF_ERROR(CheckRoom(job, present, file, {}));
-  LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, store_->UsageOf(job.owner));
-  LITAGS_RETURN_IF_ERROR(
-      CheckByteQuota(usage.bytes - returning + file.size_bytes, max_owner_bytes_));
+  if (max_owner_bytes_ > 0) {
+    LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, store_->UsageOf(job.owner));
+    LITAGS_RETURN_IF_ERROR(
+        CheckByteQuota(usage.bytes - returning + file.size_bytes, max_owner_bytes_));
+  }
   LITAGS_RETURN_IF_ERROR(Reopen(id));
   return returning;
 }
@@ -364,7 +358,9 @@ absl::StatusOr<bool> Uploads::Remove(std::string_view id, FileRole role, std::st
     LITAGS_RETURN_IF_ERROR(NoteReplaced(job, *file));
     job.job.has_unreferenced_blobs = true;
     job.job.expire_time_ms = Expiry();
-    return job.RemoveFile(role, name);
+    LITAGS_RETURN_IF_ERROR(job.RemoveFile(role, name));
+    // The file may be an archive's: sent again, that is unpacked again, and brings it back.
+    return job.RemoveFiles(FileRole::kArchive);
   };
   LITAGS_RETURN_IF_ERROR(store_->Update(id, change).status());
   RemoveKept(id, kept);

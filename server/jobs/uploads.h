@@ -99,7 +99,8 @@ class Uploads {
   // the same owner. False if there is none.
   absl::StatusOr<bool> Adopt(std::string_view id, const FileRecord& file);
 
-  // Takes a file out of the job again. False if there is none of this role and name.
+  // Takes a file out of the job again, and with it the notes of NoteArchive(), whichever archive it
+  // came from. False if there is none of this role and name.
   absl::StatusOr<bool> Remove(std::string_view id, FileRole role, std::string_view name);
 
   // Notes that an archive was unpacked, so that it need not come again; of itself nothing is kept.
@@ -122,8 +123,8 @@ class Uploads {
                          const PartialFiles::Usage& coming) const;
   absl::Status CheckQuota(const JobRecord& job, const FileRecord& file) const;
   absl::StatusOr<std::optional<JobFile>> FindBytes(std::string_view id, const FileRecord& file);
-  // Whether the bytes are there, too. `blobs_of`: names of the blobs of each job that was asked
-  // for.
+  // Whether the bytes are there, too, for many files at once. `blobs_of`: names of the blobs of
+  // each job that was asked for.
   using BlobsOf = std::map<std::string, std::set<std::string>, std::less<>>;
   absl::StatusOr<bool> HasBlob(const std::string& id, const std::string& sha256,
                                BlobsOf* blobs_of) const;

@@ -22,20 +22,31 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The rows of files that are read.
+// What is read of the store: rows of files, sums over all jobs of an owner, looks for bytes.
 class CountingJobStore : public ClientJobStore {
  public:
   explicit CountingJobStore(JobStore* store)
       : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
-  int64_t rows = 0;
+  struct Reads {
+    int64_t rows = 0, usages = 0, looks = 0;
+  } reads;
+  absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) override {
+    ++reads.usages;
+    return ClientJobStore::UsageOf(owner);
+  }
+  absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
+                                                  std::string_view sha256) override {
+    ++reads.looks;
+    return ClientJobStore::FindFile(id, role, sha256);
+  }
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override {
     auto files = ClientJobStore::Files(id);
-    if (files.ok()) rows += static_cast<int64_t>(files->size());
+    if (files.ok()) reads.rows += static_cast<int64_t>(files->size());
     return files;
   }
   absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override {
     return ClientJobStore::Update(id, [&](JobTransaction& job) {
-      Transaction counting(&job, &rows);
+      Transaction counting(&job, &reads);
       const absl::Status status = change(counting);
       job.job = counting.job;
       return status;
@@ -46,12 +57,12 @@ class CountingJobStore : public ClientJobStore {
   // Of jobs that take files: without events.
   class Transaction : public JobTransaction {
    public:
-    Transaction(JobTransaction* inner, int64_t* rows) : inner_(inner), rows_(rows) {
+    Transaction(JobTransaction* inner, Reads* reads) : inner_(inner), reads_(reads) {
       job = inner->job;
     }
     absl::StatusOr<std::vector<FileRecord>> Files() override {
       auto files = inner_->Files();
-      if (files.ok()) *rows_ += static_cast<int64_t>(files->size());
+      if (files.ok()) reads_->rows += static_cast<int64_t>(files->size());
       return files;
     }
     absl::StatusOr<std::optional<FileRecord>> File(FileRole role, std::string_view name) override {
@@ -60,18 +71,27 @@ class CountingJobStore : public ClientJobStore {
     absl::StatusOr<FileTally> Tally(std::string_view sha256) override {
       return inner_->Tally(sha256);
     }
-    absl::StatusOr<OwnerUsage> Usage() override { return inner_->Usage(); }
+    int64_t Bytes() const override {
+      inner_->job = job;
+      return inner_->Bytes();
+    }
+    absl::StatusOr<OwnerUsage> Usage() override {
+      ++reads_->usages;
+      inner_->job = job;
+      return inner_->Usage();
+    }
     absl::Status PutFile(const FileRecord& file) override { return inner_->PutFile(file); }
     absl::Status RemoveFile(FileRole role, std::string_view name) override {
       return inner_->RemoveFile(role, name);
     }
+    absl::Status RemoveFiles(FileRole role) override { return inner_->RemoveFiles(role); }
     absl::Status AddEvent(const EventRecord&) override { return absl::UnimplementedError(""); }
     absl::Status AddLog(const LogEntry&) override { return absl::UnimplementedError(""); }
     absl::Status Remove() override { return absl::UnimplementedError(""); }
 
    private:
     JobTransaction* const inner_;
-    int64_t* const rows_;
+    Reads* const reads_;
   };
 };
 
@@ -92,7 +112,47 @@ TEST_F(UploadsTest, AFileComesInWithoutALookAtTheRowsOfTheOthers) {
   EXPECT_EQ(store_->Get(id)->unreferenced_bytes, 0);
   ASSERT_TRUE(*jobs.uploads().Remove(id, FileRole::kPhoto, "1.jpg"));
   EXPECT_EQ(store_->Get(id)->unreferenced_bytes, 7);
-  EXPECT_EQ(store.rows, 0);
+  EXPECT_EQ(store.reads.rows, 0);
+  EXPECT_EQ(store.reads.looks, 10 + 10);  // when it is asked for, and when it is stored
+}
+
+TEST_F(UploadsTest, WithoutAQuotaNoFileAsksWhatItsOwnerHas) {
+  CountingJobStore store(store_.get());
+  Jobs jobs(&store, blobs_.get(), data_, clock_);
+  const std::string id = NewJob();
+  const auto add = [&](Jobs& to, const std::string& name) -> absl::Status {
+    const FileRecord file = Photo(name, name);
+    LITAGS_ASSIGN_OR_RETURN(auto partial, to.uploads().Open(id, file, 0));
+    LITAGS_RETURN_IF_ERROR(partial->Append(name));
+    return to.uploads().Add(id, file, partial->path());
+  };
+  for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) ASSERT_TRUE(add(jobs, name).ok());
+  EXPECT_EQ(store.reads.usages, 0);
+  // With one, whatever adds nothing does not, either.
+  const auto limited = jobs.For({.owner = "", .max_bytes = 1000});
+  const auto rename = [](JobDetails& details) {
+    details.display_name = "night";
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(limited->Update(id, "", rename).ok());
+  ASSERT_TRUE(*limited->uploads().Remove(id, FileRole::kPhoto, "a.jpg"));
+  EXPECT_EQ(store.reads.usages, 0);
+  ASSERT_TRUE(add(*limited, "d.jpg").ok());
+  EXPECT_EQ(store.reads.usages, 3);  // before its bytes come, are stored, and are the job's
+}
+
+TEST_F(UploadsTest, AnArchiveOfWhichAFileWasDeletedIsUnpackedAgain) {
+  const std::string id = NewJob();
+  const FileRecord archive = Photo("capture.zip", "zip", FileRole::kArchive);
+  ASSERT_TRUE(Add(id, "7.jpg", "seven").ok());
+  ASSERT_TRUE(Add(id, "8.jpg", "eight").ok());
+  ASSERT_TRUE(uploads().NoteArchive(id, archive).ok());
+  EXPECT_FALSE(*uploads().Remove(id, FileRole::kPhoto, "9.jpg"));
+  EXPECT_TRUE(*uploads().IsStored(id, archive));
+  EXPECT_TRUE(*uploads().Remove(id, FileRole::kPhoto, "7.jpg"));
+  EXPECT_FALSE(*uploads().IsStored(id, archive));
+  EXPECT_FALSE((*uploads().Query(id, {archive}))[0].stored);
+  EXPECT_TRUE(*uploads().IsStored(id, Photo("8.jpg", "eight")));
 }
 
 TEST_F(UploadsTest, BytesOfABrokenStreamAreContinuedAlsoAfterARestart) {
@@ -220,6 +280,21 @@ class CountingBlobStore : public FaultyBlobStore {
     return FaultyBlobStore::RemoveFolder(prefix);
   }
 };
+
+TEST_F(UploadsTest, FilesThatComeAfterOneWasRemovedListNoBlobs) {
+  CountingBlobStore blobs(blobs_.get());
+  Jobs jobs(store_.get(), &blobs, data_, clock_);
+  const std::string id = NewJob();
+  ASSERT_TRUE(Add(id, "a.jpg", "a.jpg").ok());
+  ASSERT_TRUE(*uploads().Remove(id, FileRole::kPhoto, "a.jpg"));
+  for (int i = 0; i < 10; ++i) {
+    const std::string name = absl::StrCat(i, ".jpg"), path = data_.tmp() + "/staged";
+    std::ofstream(path) << name;
+    ASSERT_TRUE(jobs.uploads().Add(id, Photo(name, name), path).ok());
+  }
+  EXPECT_EQ(store_->Get(id)->unreferenced_bytes, 5);
+  EXPECT_EQ(blobs.calls, 0);
+}
 
 TEST_F(UploadsTest, NobodyWaitsForTheBlobStoreToStartOrCancelAJob) {
   UploadLimits limits;

@@ -192,12 +192,15 @@ class JobTransaction {
   // As the calls of JobStore: without reading all rows.
   virtual absl::StatusOr<std::optional<FileRecord>> File(FileRole role, std::string_view name) = 0;
   virtual absl::StatusOr<FileTally> Tally(std::string_view sha256) = 0;
-  // Of the job's owner, with what this transaction changed so far.
+  // What the job counts in OwnerUsage::bytes, with what this transaction changed so far.
+  virtual int64_t Bytes() const = 0;
+  // Of the job's owner, with what this transaction changed so far: reads the rows of all its jobs.
   virtual absl::StatusOr<OwnerUsage> Usage() = 0;
   // Adds the file or replaces that of the same role and name.
   virtual absl::Status PutFile(const FileRecord& file) = 0;
   // Nothing happens where there is no such file.
   virtual absl::Status RemoveFile(FileRole role, std::string_view name) = 0;
+  virtual absl::Status RemoveFiles(FileRole role) = 0;
   // Appends an event with the next number; `number` is ignored.
   virtual absl::Status AddEvent(const EventRecord& event) = 0;
   // Appends to the log with the next number; `number` is ignored.

@@ -134,12 +134,15 @@ class SqlJobTransaction : public JobTransaction {
     return SelectTally(sql_, id_, photos_, sha256);
   }
 
+  // From here: the job's row is written at the end.
+  int64_t Bytes() const override {
+    return bytes_ + job.unreferenced_bytes + job.kept_bytes + job.preview_bytes;
+  }
+
   absl::StatusOr<OwnerUsage> Usage() override {
     LITAGS_RETURN_IF_ERROR(sql_.LockOwner(owner_));
-    // This job's row is written at the end: its bytes are counted from here.
     LITAGS_ASSIGN_OR_RETURN(const OwnerUsage others, SelectUsage(sql_, owner_, id_));
-    return OwnerUsage{others.jobs + 1, others.bytes + bytes_ + job.unreferenced_bytes +
-                                           job.kept_bytes + job.preview_bytes};
+    return OwnerUsage{others.jobs + 1, others.bytes + Bytes()};
   }
 
   absl::Status PutFile(const FileRecord& file) override {
@@ -155,6 +158,12 @@ class SqlJobTransaction : public JobTransaction {
     if (!old) return absl::OkStatus();
     LITAGS_RETURN_IF_ERROR(DeleteFile(sql_, id_, role, name));
     Count(*old, -1);
+    return absl::OkStatus();
+  }
+
+  absl::Status RemoveFiles(FileRole role) override {
+    LITAGS_ASSIGN_OR_RETURN(const auto files, SelectFilesOf(sql_, id_, role));
+    for (const FileRecord& file : files) LITAGS_RETURN_IF_ERROR(RemoveFile(role, file.name));
     return absl::OkStatus();
   }
 
