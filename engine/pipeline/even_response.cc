@@ -59,7 +59,13 @@ Lamp EvenOutResponse(const Context& context, absl::Span<const Camera> cameras,
   ParallelFor(options.threads, photos->size(), [&](size_t i, int) {
     std::array<double, 3> gain = response.gains[i];
     for (int c = 0; c < 3; ++c) gain[c] *= cast[c];
-    ApplyResponse(gain, response.vignette, frames[i], &(*photos)[i]);
+    Photo& photo = (*photos)[i];
+    Photo stored = photo;
+    ApplyResponse(gain, response.vignette, frames[i], &photo);
+    if (IsBlack(photo, MaskOf(masks, i), context.recipe.tone.rule)) {
+      photo = std::move(stored);
+      return;
+    }
     (*brightened)[i] = Brightening(gain, response.vignette, frames[i]);
   });
   for (PointSighting& s : *sightings) {

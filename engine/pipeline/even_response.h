@@ -18,6 +18,7 @@ namespace litags {
 // Takes out of the photos of a capture what their camera, not the scene, did to their light: white
 // balances that differ from photo to photo, a lens that is dark at the corners (response.h), and a
 // strong cast, unless the options keep it (white_balance.h). Adds a note for each.
+// A photo that would be black without its cast stays as it is.
 // A lamp that lights what is near stays in the photos, since how far everything is is learnt later:
 // returns what it does to light, and sets PointSighting::lit. Fills `brightened`, one per photo.
 // `cameras`, `masks` (see MaskOf) and `code_step` (see FileSteps) are the photos'; `sightings` are

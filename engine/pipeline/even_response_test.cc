@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/core/rng.h"
+#include "engine/target/capture_light.h"
 
 namespace litags {
 namespace {
@@ -71,7 +72,7 @@ Capture MakeCapture(const std::vector<std::array<double, 3>>& light, double corn
 }
 
 std::vector<std::string> Even(const ReconstructOptions& options, Capture* capture,
-                              Lamp* lamp = nullptr) {
+                              Lamp* lamp = nullptr, std::vector<Brightening>* bright = nullptr) {
   const ReconstructInput input;
   const CancelToken never;
   ReconstructReport report;
@@ -81,6 +82,7 @@ std::vector<std::string> Even(const ReconstructOptions& options, Capture* captur
           input, options, never, [](Stage, const std::string&) {}, &report),
       capture->cameras, {}, /*code_step=*/1, &capture->sightings, &capture->photos, &brightened);
   if (lamp != nullptr) *lamp = found;
+  if (bright != nullptr) *bright = brightened;
   return report.notes;
 }
 
@@ -153,6 +155,19 @@ TEST(EvenOutResponse, AStrongCastIsNeutralisedUnlessTheCameraKeepsIt) {
   options.white_balance = WhiteBalance::kScene;
   EXPECT_THAT(Even(options, &capture), ElementsAre(HasSubstr("strong cast")));
   EXPECT_GT(capture.photos[0].pixel(60, 60)[2], 2 * before.photos[0].pixel(60, 60)[2]);
+}
+
+TEST(EvenOutResponse, APhotoThatTheCastAloneLightsIsNotMadeBlack) {
+  Capture capture = MakeCapture(std::vector<std::array<double, 3>>(8, {2, 1, 0.07}), 0);
+  capture.cameras.push_back(capture.cameras[0]);
+  Photo& dim = capture.photos.emplace_back(kSide, kSide);
+  for (size_t i = 0; i < dim.data.size(); i += 3) dim.data[i] = kBlackSample + 1;
+  const Photo before = dim;
+  std::vector<Brightening> brightened;
+  EXPECT_THAT(Even({}, &capture, nullptr, &brightened), ElementsAre(HasSubstr("strong cast")));
+  EXPECT_EQ(capture.photos[8].data, before.data);
+  EXPECT_TRUE(brightened[8].none());
+  EXPECT_FALSE(brightened[7].none());
 }
 
 TEST(EvenOutResponse, OtherTonesTakePhotosAsTheyAre) {
