@@ -242,10 +242,11 @@ class FakeEngine : public Engine {
  private:
   static absl::Status Misbehave(const std::set<std::string>& names, const ReconstructInput& input,
                                 const CancelToken& cancel) {
+    if (Has(names, "crash")) kill(getpid(), SIGKILL);
     const std::string marker = input.work_dir + "/crashed";
-    if (Has(names, "crash") || (Has(names, "crash-once") && !fs::exists(marker))) {
+    if (Has(names, "crash-once") && !fs::exists(marker)) {
       std::ofstream(marker) << "x";
-      std::this_thread::sleep_for(std::chrono::seconds(1));  // the marker is kept, as a checkpoint
+      std::this_thread::sleep_for(std::chrono::seconds(3));  // the marker is kept, as a checkpoint
       kill(getpid(), SIGKILL);
     }
     std::vector<std::string> hoard;  // until there is no more

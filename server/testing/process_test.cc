@@ -109,21 +109,21 @@ TEST_F(ServiceProcess, EngineThatIgnoresCancellationIsLeftAndItsWorkerReplaced) 
 }
 
 TEST_F(ServiceProcess, StoppedServerLeavesNoWorkerAndTheJobGoesOnAfterARestart) {
-  const std::string name = client().StartedJob({"slow", "b", "c"}, 200);
+  const std::string name = client().StartedJob({"slow", "b", "c"}, 500);
   client().WaitFor(name, v1::JOB_STATE_RUNNING);
   const std::vector<pid_t> workers = Workers();
   ASSERT_EQ(workers.size(), 1u);
   const auto start = SteadyClock::now();
   const int status = server_.End(SIGTERM);
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
-  EXPECT_LT(SecondsSince(start), 10);
+  EXPECT_LT(SecondsSince(start), 30);
   EXPECT_NE(kill(workers[0], 0), 0);  // gone
   server_.Launch();
   EXPECT_EQ(client().History(name), "UPLOADING QUEUED RUNNING QUEUED RUNNING SUCCEEDED ");
 }
 
 TEST_F(ServiceProcess, ServerWhoseTerminalIsClosedGivesItsJobBack) {
-  const std::string name = client().StartedJob({"slow", "b", "c"}, 200);
+  const std::string name = client().StartedJob({"slow", "b", "c"}, 100000);
   client().WaitFor(name, v1::JOB_STATE_RUNNING);
   const int status = server_.End(SIGHUP);
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
@@ -150,7 +150,7 @@ TEST_F(ServiceProcess, ServerWhoseLogNobodyReadsServesAndEndsAsUsual) {
 }
 
 TEST_F(ServiceProcess, KilledServerTakesItsWorkersAlongAndLosesNoJob) {
-  const std::string name = client().StartedJob({"slow", "b", "c"}, 100);
+  const std::string name = client().StartedJob({"slow", "b", "c"}, 300);
   client().WaitFor(name, v1::JOB_STATE_RUNNING);
   const std::vector<pid_t> workers = Workers();
   ASSERT_EQ(workers.size(), 1u);

@@ -79,7 +79,7 @@ TEST_F(SharedStore, WhatOneServerIsToldTheOtherKnows) {
 }
 
 TEST_F(SharedStore, JobIsCancelledAtOneServerAndResumedAtTheOther) {
-  const std::string name = a_.client().StartedJob({"slow", "b", "c"}, 200);
+  const std::string name = a_.client().StartedJob({"slow", "b", "c"}, 500);
   a_.client().WaitFor(name, v1::JOB_STATE_RUNNING);
   ASSERT_TRUE(b_.client().Cancel(name).ok());
   a_.client().WaitFor(name, v1::JOB_STATE_CANCELLED);
@@ -102,7 +102,7 @@ TEST_F(SharedStore, ManyJobsAreEachRunOnceAndBothServersWork) {
 
 TEST_F(SharedStore, JobOfAKilledServerGoesOnAtTheOtherFromItsCheckpoint) {
   b_.End(SIGTERM);  // so that the job runs at the other
-  const std::string name = a_.client().StartedJob({"slow", "b", "c"}, 300);
+  const std::string name = a_.client().StartedJob({"slow", "b", "c"}, 500);
   v1::Job job;
   ASSERT_TRUE(Eventually(
       [&] { return a_.client().Get(name, &job).ok() && job.snapshot_iteration() >= 1; }));
