@@ -65,30 +65,15 @@ absl::Status ErrorOf(const heif_error& error, std::string_view field) {
   const bool unsupported = error.code == heif_error_Unsupported_feature ||
                            error.code == heif_error_Unsupported_filetype ||
                            error.code == heif_error_Plugin_loading_error;
-  return InvalidField(
-      unsupported ? "IMAGE_UNSUPPORTED" : "IMAGE_CORRUPT", field,
-      absl::StrCat("the HEIC or AVIF file cannot be decoded (", error.message,
-                   unsupported ? "); convert it to JPEG or PNG" : "); send the file again"));
-}
-
-// The file with its alpha channels renamed, so that libheif does not decode them: transparency is
-// dropped, and CopyPicture has a use of its own for alpha. Empty: there are none.
-std::string WithoutAlpha(std::string_view bytes) {
-  constexpr std::string_view kNames[] = {"urn:mpeg:avc:2015:auxid:1", "urn:mpeg:hevc:2015:auxid:1",
-                                         "urn:mpeg:mpegB:cicp:systems:auxiliary:alpha"};
-  std::string copy;
-  for (const std::string_view name : kNames) {
-    for (size_t at = bytes.find(name); at != bytes.npos; at = bytes.find(name, at + 1)) {
-      if (copy.empty()) copy = bytes;
-      copy[at] = 'x';
-    }
-  }
-  return copy;
+  return InvalidField(unsupported ? "IMAGE_UNSUPPORTED" : "IMAGE_CORRUPT", field,
+                      absl::StrCat("the HEIC or AVIF file cannot be decoded (", error.message,
+                                   unsupported ? "); " : "); send the file again, or ",
+                                   "convert it to JPEG or PNG"));
 }
 
 // A file's primary picture, not decoded.
 struct HeifFile {
-  std::string without_alpha;  // which `context` reads
+  std::string alone;  // the file, which `context` reads, unless it is empty
   Context context;
   Handle handle;
 
@@ -98,8 +83,8 @@ struct HeifFile {
                           "the HEIC or AVIF file's picture is made of itself; send it again");
     }
     UseHeifCodecs();
-    without_alpha = WithoutAlpha(bytes);
-    if (!without_alpha.empty()) bytes = without_alpha;
+    alone = WithoutOtherPictures(bytes);
+    if (!alone.empty()) bytes = alone;
     context.reset(heif_context_alloc());
     heif_context_set_max_decoding_threads(context.get(), 0);
     heif_context_set_maximum_image_size_limit(context.get(), kMaxImageSide + 1);

@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <initializer_list>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "engine/core/rng.h"
+#include "engine/io/exif_test_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
 #include "engine/io/testing_formats.h"
@@ -152,6 +154,37 @@ TEST(HeifYCbCr, TransparencyIsDropped) {
     const std::string bytes = EncodeTestHeif(picture, {.av1 = av1, .alpha = true});
     EXPECT_NE(bytes.find("auxC"), std::string::npos);
     ExpectFormula(bytes, picture);
+  }
+}
+
+// Makes a box larger, or smaller, and what it is in.
+void Grow(std::initializer_list<const char*> boxes, int by, std::string* file) {
+  for (const char* box : boxes) {
+    char& size = (*file)[file->find(box) - 1];  // the last of four bytes
+    const int sum = static_cast<uint8_t>(size) + by;
+    ASSERT_TRUE(sum >= 0 && sum < 256);
+    size = static_cast<char>(sum);
+  }
+}
+
+// iPhones since iOS 18: alpha or a gain map, and EXIF, are also of an item that is no picture.
+TEST(HeifYCbCr, IsReadWithAlphaAndExifOfOtherItemsToo) {
+  for (const bool av1 : {false, true}) {
+    const TestYCbCr picture = Waves(34, 22, {});
+    std::string bytes =
+        EncodeTestHeif(picture, {.av1 = av1, .alpha = true}, {.exif = FocalBlock(26, 425, 100)});
+    for (const char* reference : {"auxl", "cdsc"}) {
+      const size_t at = bytes.find(reference) + 4;  // the item, how many it is of, and those
+      ASSERT_EQ(bytes[at + 3], 1);
+      bytes[at + 3] = 2;
+      bytes.insert(at + 6, std::string("\0\x63", 2));
+      Grow({reference, "iref", "meta"}, 2, &bytes);
+    }
+    // Instead of a brand, so that the pictures lie where they lay.
+    Grow({"ftyp"}, -4, &bytes);
+    bytes.erase(16, 4);
+    ExpectFormula(bytes, picture);
+    EXPECT_EQ(ReadImageInfo(bytes, "f")->focal_length, 26);
   }
 }
 
