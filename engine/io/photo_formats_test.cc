@@ -278,6 +278,16 @@ TEST(Tiff, RefusesBombsByTheirHeader) {
     tiff.replace(at + 8, 2, "\xFF\xFF");
   }
   EXPECT_EQ(Reason(DecodePhoto(tiff, "f").status()), "IMAGE_TOO_LARGE");
+
+  // A tile of 1 GiB for each colour of a small picture.
+  std::string tiles = EncodeTestTiff(Ramp(), {.bits = 32, .tiled = true, .planar = true});
+  for (const char* tag : {"\x42\1", "\x43\1"}) {
+    const size_t at = tiles.find(tag + std::string("\3\0\1\0\0\0", 6));
+    ASSERT_NE(at, std::string::npos);
+    tiles.replace(at + 8, 2, std::string("\0\x40", 2));
+  }
+  EXPECT_THAT(std::string(DecodePhoto(tiles, "f").status().message()),
+              HasSubstr("no possible size"));
 }
 
 TEST(Cmyk, IsConvertedByItsProfile) {

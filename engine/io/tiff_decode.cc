@@ -216,21 +216,21 @@ class Block {
                                                                  : file.Tag(TIFFTAG_ROWSPERSTRIP),
                              file.Tag(TIFFTAG_IMAGELENGTH));
     size_ = tiled_ ? TIFFTileSize(tiff) : TIFFStripSize(tiff);
+    data_.resize(layout.planar ? layout.colors : 1);
   }
 
   // libtiff's size must be that of so many samples, which rules out overflow, too.
   bool IsSane() const {
     const uint64_t samples = uint64_t{width_} * height_ * (layout_.planar ? 1 : layout_.samples);
-    return width_ > 0 && height_ > 0 && size_ > 0 && size_ <= kMaxAllocation &&
+    return width_ > 0 && height_ > 0 && size_ > 0 &&
+           size_ <= kMaxAllocation / static_cast<tmsize_t>(data_.size()) &&
            samples * (layout_.bits / 8) == static_cast<uint64_t>(size_);
   }
   uint32_t width() const { return width_; }
   uint32_t height() const { return height_; }
 
   bool Read(TIFF* tiff, uint32_t x, uint32_t y) {
-    const int planes = layout_.planar ? layout_.colors : 1;
-    data_.resize(planes);
-    for (int p = 0; p < planes; ++p) {
+    for (size_t p = 0; p < data_.size(); ++p) {
       data_[p].resize(size_);
       const uint16_t plane = static_cast<uint16_t>(p);
       const tmsize_t read = tiled_
@@ -273,7 +273,7 @@ class Block {
   bool tiled_ = false;
   uint32_t width_ = 0, height_ = 0;
   tmsize_t size_ = 0;
-  std::vector<std::vector<uint8_t>> data_;
+  std::vector<std::vector<uint8_t>> data_;  // by plane
 };
 
 absl::StatusOr<Photo> DecodeTiff(std::string_view bytes, const ImageInfo& info,
