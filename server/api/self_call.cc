@@ -13,6 +13,8 @@
 #include <memory>
 #include <vector>
 
+#include "server/net/address.h"
+
 namespace litags {
 namespace {
 
@@ -37,14 +39,11 @@ std::shared_ptr<grpc::ChannelCredentials> Credentials(const TlsOptions& options)
 
 // Whether a TCP connection to HOST:PORT, an address of this machine, is taken.
 bool TakesConnections(const std::string& address) {
-  const size_t colon = address.rfind(':');
-  if (colon == std::string::npos) return false;
-  std::string host = address.substr(0, colon);
-  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
+  const auto [host, port] = SplitHostPort(address);
   addrinfo hints = {}, *found = nullptr;
   hints.ai_socktype = SOCK_STREAM;
   hints.ai_flags = AI_NUMERICSERV;
-  if (getaddrinfo(host.c_str(), address.c_str() + colon + 1, &hints, &found) != 0) return false;
+  if (getaddrinfo(host.c_str(), port.c_str(), &hints, &found) != 0) return false;
   bool taken = false;
   for (const addrinfo* at = found; at && !taken; at = at->ai_next) {
     const int fd = socket(at->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);

@@ -4,9 +4,7 @@
 #include <grpcpp/grpcpp.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/resource_quota.h>
-#include <spdlog/spdlog.h>
 
-#include <algorithm>
 #include <chrono>
 
 #include "absl/strings/numbers.h"
@@ -22,7 +20,7 @@
 #include "server/api/scene_cache.h"
 #include "server/api/status.h"
 #include "server/api/thread_pool.h"
-#include "server/net/descriptors.h"
+#include "server/net/address.h"
 #include "server/net/listener.h"
 
 namespace litags {
@@ -35,15 +33,12 @@ constexpr int kMaxArchives = 16;
 
 int Ms(double seconds) { return static_cast<int>(1000 * seconds); }
 
-bool IsUnixSocket(const std::string& listen) { return listen.starts_with("unix"); }
-
 // Before it is asked who can reach an address: "foo" is none.
 absl::Status CheckAddress(const std::string& listen, std::string_view flag) {
   if (listen.empty() || IsUnixSocket(listen)) return absl::OkStatus();
-  const size_t colon = listen.rfind(':');
+  const HostPort parts = SplitHostPort(listen);
   int port = 0;
-  if (colon != std::string::npos && colon > 0 &&
-      absl::SimpleAtoi(listen.substr(colon + 1), &port) && port >= 0 && port <= 65535) {
+  if (!parts.host.empty() && absl::SimpleAtoi(parts.port, &port) && port >= 0 && port <= 65535) {
     return absl::OkStatus();
   }
   return InvalidInput("CANNOT_LISTEN", flag,
@@ -52,16 +47,9 @@ absl::Status CheckAddress(const std::string& listen, std::string_view flag) {
                                    "127.0.0.1:50051"));
 }
 
-ConnectionCounts ThatFit(const ConnectionLimits& limits) {
+ConnectionCounts CountsOf(const ConnectionLimits& limits) {
   ConnectionCounts counts = limits.counts;
   counts.calls.of_connection = limits.max_calls;
-  const int fit = ConnectionsThatFit();
-  if (fit < counts.max_connections) {
-    spdlog::warn("the limit of open files leaves room for {} connections, not {}; raise it", fit,
-                 counts.max_connections);
-    counts.max_connections = fit;
-  }
-  counts.max_newcomers = std::clamp(counts.max_connections / 2, 1, counts.max_newcomers);
   return counts;
 }
 
@@ -94,7 +82,7 @@ class GrpcServer : public Server {
   GrpcServer(const ServerOptions& options, std::unique_ptr<Authenticator> authenticator, Jobs* jobs,
              Engine* engine)
       : authenticator_(std::move(authenticator)),
-        connections_(ThatFit(options.connections)),
+        connections_(CountsOf(options.connections)),
         door_(authenticator_.get(), &connections_),
         gate_(jobs, authenticator_.get(), &metrics_, &connections_, options.limits, options.answers,
               options.connections.max_wait_seconds),

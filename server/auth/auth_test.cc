@@ -326,8 +326,9 @@ TEST(Loopback, IsToldFromAddressesThatOthersReach) {
        {"127.0.0.1:1", "127.1.2.3:50051", "localhost:1", "[::1]:1", "unix:/run/litags.sock"}) {
     EXPECT_TRUE(IsLoopback(address)) << address;
   }
-  for (const char* address : {"0.0.0.0:1", "[::]:1", "192.168.0.1:1", "example.org:1",
-                              "127.0.0.1.example.org:1", "localhost.example.org:1", ":1", ""}) {
+  for (const char* address :
+       {"0.0.0.0:1", "[::]:1", "192.168.0.1:1", "example.org:1", "127.0.0.1.example.org:1",
+        "unixbox:1", "localhost.example.org:1", ":1", ""}) {
     EXPECT_FALSE(IsLoopback(address)) << address;
   }
   for (const char* host : {"127.0.0.1", "localhost", "[::1]", "::1"}) {

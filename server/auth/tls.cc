@@ -16,6 +16,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/net/address.h"
 #include "server/store/file_error.h"
 
 namespace litags {
@@ -211,8 +212,7 @@ std::optional<TlsMaterial> TlsFiles::TakeRenewed() {
 }
 
 bool IsLoopback(std::string_view address) {
-  if (address.starts_with("unix:") || address.starts_with("unix-abstract:")) return true;
-  return IsLoopbackHost(address.substr(0, address.rfind(':')));
+  return IsUnixSocket(address) || IsLoopbackHost(SplitHostPort(address).host);
 }
 
 bool IsLoopbackHost(std::string_view host) {

@@ -27,6 +27,7 @@
 #include "server/main/preflight.h"
 #include "server/main/serve_web.h"
 #include "server/metrics/metrics_server.h"
+#include "server/net/address.h"
 #include "server/net/descriptors.h"
 #include "server/reader/file_reader.h"
 #include "server/reader/read_files_main.h"
@@ -153,9 +154,11 @@ absl::StatusOr<std::unique_ptr<MetricsServer>> ServeMetrics(const ServerFlags& f
 // Says where clients find the server, and opens the page, which is null without --web.
 absl::StatusOr<std::unique_ptr<web::WebServer>> Announce(const ServerFlags& flags,
                                                          const DataDir& data, Server* server) {
-  const std::string host = flags.server.listen.substr(0, flags.server.listen.rfind(':'));
-  std::printf("litags-server listens on %s:%d and stores in %s\n", host.c_str(), server->port(),
-              data.root.c_str());
+  std::string listen = flags.server.listen;
+  if (!IsUnixSocket(listen)) {  // its port may have been 0
+    listen = absl::StrCat(listen.substr(0, listen.rfind(':') + 1), server->port());
+  }
+  std::printf("litags-server listens on %s and stores in %s\n", listen.c_str(), data.root.c_str());
   std::fflush(stdout);
   LITAGS_ASSIGN_OR_RETURN(auto web, ServeWeb(flags, server));
   if (!flags.port_file.empty()) {
@@ -165,14 +168,33 @@ absl::StatusOr<std::unique_ptr<web::WebServer>> Announce(const ServerFlags& flag
   return web;
 }
 
+void Allow(int connections, ConnectionCounts* counts) {
+  if (connections < counts->max_connections) {
+    spdlog::warn("the limit of open files leaves room for {} connections, not {}; raise it",
+                 connections, counts->max_connections);
+  }
+  counts->max_connections = std::max(1, connections);
+  counts->max_newcomers = std::clamp(connections / 2, 1, counts->max_newcomers);
+}
+
+// Connections of both ports share the descriptors.
+void FitConnections(ServerFlags* flags) {
+  ConnectionCounts& grpc = flags->server.connections.counts;
+  ConnectionCounts& page = flags->web.counts;
+  const bool has_page = !flags->web.listen.empty();
+  const ConnectionShares fit =
+      ShareDescriptors({grpc.max_connections, has_page ? page.max_connections : 0});
+  Allow(fit.first, &grpc);
+  if (has_page) Allow(fit.second, &page);
+}
+
 }  // namespace
 
-absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, Engine* engine,
+absl::Status Serve(ServerFlags flags, const std::string& worker_program, Engine* engine,
                    const ShutdownSignal& signal) {
   HideFromOtherProcesses();
   LITAGS_RETURN_IF_ERROR(CheckFlags(flags, worker_program));
-  RaiseDescriptorLimit(flags.server.connections.counts.max_connections +
-                       (flags.web.listen.empty() ? 0 : flags.web.counts.max_connections));
+  FitConnections(&flags);
   LITAGS_ASSIGN_OR_RETURN(const Stores stores, OpenStores(flags));
   UploadLimits uploads = flags.uploads;
   if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared

@@ -12,7 +12,7 @@ namespace litags {
 
 // Serves until `signal`, with workers that are the program `worker_program`. Errors of
 // CheckPrograms(), of what cannot be opened or listened on, and UNAVAILABLE (SERVER_DEAF).
-absl::Status Serve(const ServerFlags& flags, const std::string& worker_program, Engine* engine,
+absl::Status Serve(ServerFlags flags, const std::string& worker_program, Engine* engine,
                    const ShutdownSignal& signal);
 
 }  // namespace litags

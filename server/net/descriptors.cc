@@ -13,9 +13,15 @@ constexpr int kForEach = 2;
 constexpr int kShares = 4;
 constexpr rlim_t kMost = 1 << 20;
 
-}  // namespace
+// So many connections the limit leaves room for.
+int ConnectionsThatFit() {
+  rlimit limit = {};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return 1;
+  const int all = static_cast<int>(std::min(limit.rlim_cur, kMost));
+  return std::max(1, (all - all / kShares) / kForEach);
+}
 
-void RaiseDescriptorLimit(int connections) {
+void RaiseLimit(int connections) {
   rlimit limit = {};
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
   const rlim_t wanted = static_cast<rlim_t>(connections) * kForEach * kShares / (kShares - 1) + 1;
@@ -23,11 +29,13 @@ void RaiseDescriptorLimit(int connections) {
   setrlimit(RLIMIT_NOFILE, &limit);  // what fits is asked for afterwards
 }
 
-int ConnectionsThatFit() {
-  rlimit limit = {};
-  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return 1;
-  const int all = static_cast<int>(std::min(limit.rlim_cur, kMost));
-  return std::max(1, (all - all / kShares) / kForEach);
+}  // namespace
+
+ConnectionShares ShareDescriptors(ConnectionShares wanted) {
+  RaiseLimit(wanted.first + wanted.second);
+  const int fit = ConnectionsThatFit();
+  const int second = std::min(wanted.second, std::max(fit / 2, fit - wanted.first));
+  return {std::min(wanted.first, fit - second), second};
 }
 
 }  // namespace litags

@@ -3,13 +3,15 @@
 
 namespace litags {
 
-// Lets this process have descriptors for `connections`, as far as its hard limit allows. Children
-// inherit the limit.
-void RaiseDescriptorLimit(int connections);
+// Connections of two listeners.
+struct ConnectionShares {
+  int first = 0, second = 0;
+};
 
-// So many connections the limit of this process leaves room for, beside the store, files on their
-// way, and children.
-int ConnectionsThatFit();
+// Lets this process have descriptors for so many connections of each, as far as its hard limit
+// allows, beside the store, files on their way, and children, which inherit the limit. What each
+// listener may have then: where not all fit, none gets less than half unless it wants less.
+ConnectionShares ShareDescriptors(ConnectionShares wanted);
 
 }  // namespace litags
 

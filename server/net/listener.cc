@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/net/address.h"
 #include "server/net/line_rate.h"
 #include "server/net/peer.h"
 
@@ -27,20 +28,6 @@ constexpr std::chrono::milliseconds kPause{100};
 struct Freer {
   void operator()(addrinfo* list) const { freeaddrinfo(list); }
 };
-
-struct HostPort {
-  std::string host, port;
-};
-
-HostPort Split(const std::string& address) {
-  const size_t colon = address.rfind(':');
-  if (colon == std::string::npos) return {address, ""};
-  std::string host = address.substr(0, colon);
-  if (host.size() > 1 && host.front() == '[' && host.back() == ']') {
-    host = host.substr(1, host.size() - 2);
-  }
-  return {host, address.substr(colon + 1)};
-}
 
 bool HasIpv6() {
   const int fd = socket(AF_INET6, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -98,7 +85,7 @@ absl::Status Listener::Listen(const std::string& address, int unacknowledged_ms,
         absl::StrCat("cannot listen on ", address, " (", why,
                      "); is another server running there? choose another ", std::string(flag)));
   };
-  auto [host, port] = Split(address);
+  auto [host, port] = SplitHostPort(address);
   if (host.empty() || port.empty()) return failed("it is not of the form HOST:PORT");
   // As gRPC has it: any address is any of both kinds.
   if (host == "0.0.0.0" && HasIpv6()) host = "::";

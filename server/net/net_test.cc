@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -384,16 +385,24 @@ TEST(LineRateTest, ManyKindsAreNoWayRoundIt) {
   EXPECT_LE(passed, 300);
 }
 
+// In a process of its own: its exit code is what fits of both, at least `low` of each.
+void ExitWithShares(rlim_t soft, rlim_t hard, ConnectionShares wanted, int low) {
+  const rlimit limit = {soft, hard};
+  setrlimit(RLIMIT_NOFILE, &limit);
+  const ConnectionShares fit = ShareDescriptors(wanted);
+  std::exit(fit.first < low || fit.second < low ? 0 : fit.first + fit.second);
+}
+
 TEST(Descriptors, TheLimitIsRaisedAndConnectionsFitBelowIt) {
-  rlimit before = {};
-  getrlimit(RLIMIT_NOFILE, &before);
-  rlimit low = before;
-  low.rlim_cur = 256;
-  setrlimit(RLIMIT_NOFILE, &low);
-  EXPECT_EQ(ConnectionsThatFit(), 96);
-  RaiseDescriptorLimit(300);
-  EXPECT_GE(ConnectionsThatFit(), 300);
-  setrlimit(RLIMIT_NOFILE, &before);
+  using ::testing::ExitedWithCode;
+  EXPECT_EXIT(ExitWithShares(64, 1024, {150, 50}, 50), ExitedWithCode(200), "");
+}
+
+TEST(Descriptors, TwoListenersShareWhatFits) {
+  using ::testing::ExitedWithCode;
+  EXPECT_EXIT(ExitWithShares(256, 256, {4096, 256}, 48), ExitedWithCode(96), "");
+  EXPECT_EXIT(ExitWithShares(256, 256, {4096, 10}, 10), ExitedWithCode(96), "");
+  EXPECT_EXIT(ExitWithShares(256, 256, {4096, 0}, 0), ExitedWithCode(96), "");
 }
 
 }  // namespace

@@ -404,7 +404,8 @@ TEST_F(AccessTest, OthersAreLetInOnlyEncryptedAndByName) {
   EXPECT_EQ(reason([](ServerOptions& o) { o.insecure = true; }), "OK");
   EXPECT_EQ(reason([](ServerOptions& o) { o.listen = "127.0.0.1:0"; }), "OK");
   EXPECT_EQ(reason([](ServerOptions& o) { o.listen = "unix:/run/litags"; }), "OK");
-  for (const char* none : {"foo", ":0", "foo:", "0.0.0.0:http", "0.0.0.0:65536", "::"}) {
+  for (const char* none : {"foo", "unixbox", "unixbox:x", "[]:0", ":0", "foo:", "0.0.0.0:http",
+                           "0.0.0.0:65536", "::"}) {
     EXPECT_EQ(reason([&](ServerOptions& o) { o.listen = none; }), "CANNOT_LISTEN") << none;
     EXPECT_EQ(GetErrorDetail(CheckMetricsListening(none, true))->field, "--metrics-listen") << none;
   }

@@ -14,7 +14,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
-#include "server/net/descriptors.h"
 #include "server/net/listener.h"
 #include "server/web/api.h"
 #include "server/web/assets.h"
@@ -30,12 +29,6 @@ namespace asio = boost::asio;
 // Connections wait on them, and hold none. What takes long happens on those of the services.
 constexpr int kThreads = 2;
 constexpr std::string_view kApiPrefix = "/v1/";
-
-ConnectionCounts ThatFit(ConnectionCounts counts) {
-  counts.max_connections = std::min(counts.max_connections, ConnectionsThatFit());
-  counts.max_newcomers = std::clamp(counts.max_connections / 2, 1, counts.max_newcomers);
-  return counts;
-}
 
 Answer Page(const Head& head) {
   const auto assets = Assets();
@@ -77,7 +70,7 @@ Caller CallerOf(int fd) {
 
 struct WebServer::Parts {
   Parts(const WebOptions& options, std::shared_ptr<grpc::Channel> channel, SharedRoom* unread)
-      : connections(ThatFit(options.counts)), api(std::move(channel), unread, options.local_only) {
+      : connections(options.counts), api(std::move(channel), unread, options.local_only) {
     environment.limits = {.silence_seconds = options.silence_seconds,
                           .unread_seconds = options.unread_seconds};
     environment.handler = [this](Exchange& exchange) { return Handle(exchange); };
