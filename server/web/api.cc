@@ -206,10 +206,10 @@ asio::awaitable<grpc::Status> Api::Unary(Exchange& exchange, std::string_view rp
   co_await call->Read(answer);
   if (held) *held = call->TakeHeld();
   const grpc::Status status = co_await call->Finish();
-  if (status.error_code() == grpc::UNAUTHENTICATED) {
-    LogRefusal(exchange.head(), status);
-  } else {
+  if (call->let_in()) {
     exchange.Admit();
+  } else if (status.error_code() == grpc::UNAUTHENTICATED) {
+    LogRefusal(exchange.head(), status);
   }
   co_return status;
 }

@@ -63,6 +63,15 @@ int HttpCode(grpc::StatusCode code) {
   }
 }
 
+std::string ReasonOf(const grpc::Status& status) {
+  const v1::RpcStatus rpc = ToRpc(status);
+  v1::ErrorDetail detail;
+  for (const auto& any : rpc.details()) {
+    if (any.UnpackTo(&detail)) return detail.reason();
+  }
+  return "";
+}
+
 std::string FailureJson(const grpc::Status& status) {
   v1::RpcStatus rpc = ToRpc(status);
   std::string json;

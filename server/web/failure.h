@@ -13,6 +13,9 @@ namespace litags::web {
 // The HTTP code of a gRPC code, as google.rpc.Code names it.
 int HttpCode(grpc::StatusCode code);
 
+// That of the ErrorDetail that a call's status carries; empty if it has none.
+std::string ReasonOf(const grpc::Status& status);
+
 // google.rpc.Status as JSON, with the details that the call's status carries.
 std::string FailureJson(const grpc::Status& status);
 

@@ -30,10 +30,11 @@ grpc::ByteBuffer BytesOf(const google::protobuf::Message& message) {
   return grpc::ByteBuffer(&slice, 1);
 }
 
-// Whose room the call's answers take.
-std::string RoomOf(const std::multimap<grpc::string_ref, grpc::string_ref>& headers) {
+// Whose room the call's answers take; nullopt: nobody has let it in.
+std::optional<std::string> RoomOf(
+    const std::multimap<grpc::string_ref, grpc::string_ref>& headers) {
   const auto found = headers.find(kRoomOfHeader);
-  if (found == headers.end()) return "";
+  if (found == headers.end()) return std::nullopt;
   return std::string(found->second.data(), found->second.size());
 }
 
@@ -87,6 +88,10 @@ class RpcCall::Reactor : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::
     return std::exchange(in_, grpc::ByteBuffer());
   }
   HeldRoom TakeHeld() { return std::move(held_); }
+  bool let_in() {
+    const std::lock_guard lock(mutex_);
+    return client_.has_value();
+  }
   void LetGo() {
     if (std::exchange(let_go_, true)) return;
     RemoveHold();
@@ -119,7 +124,8 @@ class RpcCall::Reactor : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::
     std::optional<bool> early;
     {
       const std::lock_guard lock(mutex_);
-      client_ = ok ? RoomOf(context_.GetServerInitialMetadata()) : "";
+      has_headers_ = true;
+      if (ok) client_ = RoomOf(context_.GetServerInitialMetadata());
       early = early_read_;
     }
     if (early) TakeIn(*early);
@@ -127,7 +133,7 @@ class RpcCall::Reactor : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::
   void OnReadDone(bool ok) override {
     {
       const std::lock_guard lock(mutex_);
-      if (!client_) {
+      if (!has_headers_) {
         early_read_ = ok;
         return;
       }
@@ -136,7 +142,8 @@ class RpcCall::Reactor : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::
   }
   // Counts now, not on the strand: answers must not pile up while the strand is busy.
   void TakeIn(bool ok) {
-    if (ok) held_ = HeldRoom(unread_, *client_, kCopies * static_cast<int64_t>(in_.Length()));
+    if (ok)
+      held_ = HeldRoom(unread_, client_.value_or(""), kCopies * static_cast<int64_t>(in_.Length()));
     Note(&read, ok);
   }
   void OnDone(const grpc::Status& final_status) override {
@@ -162,8 +169,9 @@ class RpcCall::Reactor : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::
   const std::function<bool()> gone_;
   SharedRoom* const unread_;
   std::mutex mutex_;
-  std::optional<std::string> client_;  // whose room the answers take, once that is known
-  std::optional<bool> early_read_;     // the first read was over before that
+  bool has_headers_ = false;           // or will never have any
+  std::optional<std::string> client_;  // whose room the answers take, once the call was let in
+  std::optional<bool> early_read_;     // the first read was over before the headers were there
   HeldRoom held_;                  // gRPC's while a read is begun and not over, else the strand's
   std::shared_ptr<Reactor> self_;  // until gRPC is done with it
   grpc::ClientContext context_;
@@ -209,6 +217,8 @@ asio::awaitable<RpcCall::Got> RpcCall::Read(google::protobuf::Message* answer, d
   }
   co_return Got::kMessage;
 }
+
+bool RpcCall::let_in() const { return reactor_->let_in(); }
 
 HeldRoom RpcCall::TakeHeld() { return reactor_->TakeHeld(); }
 

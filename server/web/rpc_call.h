@@ -44,6 +44,10 @@ class RpcCall {
   // The next answer. kNothingYet: none came for so long; read again.
   boost::asio::awaitable<Got> Read(google::protobuf::Message* answer, double seconds = 1e9);
 
+  // Whether the services have said that they let the call in; they may do so with the first answer
+  // only. A call that gRPC itself refuses never was.
+  bool let_in() const;
+
   // The room that the last answer takes: for callers that keep it longer than the call.
   HeldRoom TakeHeld();
 

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "litags/v1/model_service.pb.h"
+#include "litags/v1/reconstruction_service.pb.h"
 #include "server/errors/to_grpc.h"
 #include "server/web/api.h"
 #include "server/web/failure.h"
@@ -68,6 +69,14 @@ asio::awaitable<void> Api::Events(Exchange& exchange, const Route& route, const 
   co_await call->WriteLast(*resumed);
   std::unique_ptr<Message> message = NewResponse(route);
   RpcCall::Got got = co_await call->Read(message.get(), kRefusedSeconds);
+  if (call->let_in()) {
+    exchange.Admit();
+  } else if (got == RpcCall::Got::kNothingYet) {
+    // Whether the caller is let in, which admits it: a quiet stream says so with its first event.
+    const v1::GetServerInfoRequest look;
+    v1::ServerInfo info;
+    co_await Unary(exchange, kInfoRpc, authorization, look, &info);
+  }
   if (got == RpcCall::Got::kEnd) {
     const grpc::Status refusal = co_await call->Finish();
     if (!refusal.ok()) {
@@ -76,7 +85,6 @@ asio::awaitable<void> Api::Events(Exchange& exchange, const Route& route, const 
       co_return;
     }
   }
-  exchange.Admit();
   Answer head{200, "text/event-stream", "", {{"Cache-Control", "no-store"}}};
   bool open = co_await exchange.Begin(std::move(head), std::nullopt);
   while (open && got != RpcCall::Got::kEnd) {
@@ -107,13 +115,13 @@ asio::awaitable<void> Api::Download(Exchange& exchange, const Route& route,
   co_await call->WriteLast(request);
   v1::ExportModelResponse part;
   RpcCall::Got got = co_await call->Read(&part);
+  if (call->let_in()) exchange.Admit();
   if (got != RpcCall::Got::kMessage || !part.has_header()) {
     const grpc::Status status = co_await call->Finish();
     Answer refused = Failure(status);
     co_await exchange.Send(std::move(refused));
     co_return;
   }
-  exchange.Admit();
   Answer head{200, "application/octet-stream", "", {}};
   head.headers.emplace_back("Content-Disposition", "attachment");
   head.headers.emplace_back("Cache-Control", "no-store");

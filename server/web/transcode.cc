@@ -36,12 +36,6 @@ std::unique_ptr<Message> New(const Descriptor* descriptor) {
       google::protobuf::MessageFactory::generated_factory()->GetPrototype(descriptor)->New());
 }
 
-absl::Status FieldInvalid(std::string_view field, std::string_view why) {
-  const std::string name = Utf8Prefix(field, kMaxShown);
-  return InvalidInput("REQUEST_FIELD_INVALID", name,
-                      absl::StrCat("\"", name, "\": ", std::string(why)));
-}
-
 // Brackets that are open at one time, at most; those inside texts do not count.
 int Depth(std::string_view text) {
   int depth = 0, deepest = 0;
@@ -119,7 +113,37 @@ absl::StatusOr<json> FromBody(const Route& route, std::string_view body) {
   return request;
 }
 
+absl::Status PutAll(const Fields& values, const Descriptor* message, json* object) {
+  for (const auto& [path, value] : values) {
+    LITAGS_RETURN_IF_ERROR(Put(message, path, value, object));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Parse(const json& fields, Message* message) {
+  std::string text;
+  try {
+    text = fields.dump();
+  } catch (const json::exception&) {
+    return InvalidInput("REQUEST_NOT_JSON", "query",
+                        "path or query hold a text that is not UTF-8; encode it as such");
+  }
+  const auto parsed = google::protobuf::util::JsonStringToMessage(text, message);
+  if (parsed.ok()) return absl::OkStatus();
+  return InvalidInput(
+      "REQUEST_FIELD_INVALID", "",
+      absl::StrCat("the request does not fit ", message->GetDescriptor()->full_name(), ": ",
+                   Utf8Prefix(std::string_view(parsed.message().data(), parsed.message().size()),
+                              2 * kMaxShown)));
+}
+
 }  // namespace
+
+absl::Status FieldInvalid(std::string_view field, std::string_view why) {
+  const std::string name = Utf8Prefix(field, kMaxShown);
+  return InvalidInput("REQUEST_FIELD_INVALID", name,
+                      absl::StrCat("\"", name, "\": ", std::string(why)));
+}
 
 std::unique_ptr<Message> NewRequest(const Route& route) {
   return New(MethodOf(route).input_type());
@@ -132,28 +156,16 @@ absl::StatusOr<std::unique_ptr<Message>> RequestOf(const Match& match, const Hea
                                                    std::string_view body) {
   std::unique_ptr<Message> request = NewRequest(*match.route);
   LITAGS_ASSIGN_OR_RETURN(json fields, FromBody(*match.route, body));
-  for (const auto& [path, value] : match.fields) {
-    LITAGS_RETURN_IF_ERROR(Put(request->GetDescriptor(), path, value, &fields));
-  }
-  for (const auto& [path, value] : head.query) {
-    LITAGS_RETURN_IF_ERROR(Put(request->GetDescriptor(), path, value, &fields));
-  }
-  std::string text;
-  try {
-    text = fields.dump();
-  } catch (const json::exception&) {
-    return InvalidInput("REQUEST_NOT_JSON", "query",
-                        "path or query hold a text that is not UTF-8; encode it as such");
-  }
-  const auto parsed = google::protobuf::util::JsonStringToMessage(text, request.get());
-  if (!parsed.ok()) {
-    return InvalidInput(
-        "REQUEST_FIELD_INVALID", "",
-        absl::StrCat("the request does not fit ", request->GetDescriptor()->full_name(), ": ",
-                     Utf8Prefix(std::string_view(parsed.message().data(), parsed.message().size()),
-                                2 * kMaxShown)));
-  }
+  LITAGS_RETURN_IF_ERROR(PutAll(match.fields, request->GetDescriptor(), &fields));
+  LITAGS_RETURN_IF_ERROR(PutAll(head.query, request->GetDescriptor(), &fields));
+  LITAGS_RETURN_IF_ERROR(Parse(fields, request.get()));
   return request;
+}
+
+absl::Status FillFields(const Fields& fields, Message* message) {
+  json object = json::object();
+  LITAGS_RETURN_IF_ERROR(PutAll(fields, message->GetDescriptor(), &object));
+  return Parse(object, message);
 }
 
 absl::StatusOr<std::string> JsonOf(const Message& message) {

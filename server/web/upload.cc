@@ -81,18 +81,20 @@ std::string DigestOf(const Head& head) {
 }
 
 absl::StatusOr<v1::FileHeader> FileOf(const Match& match, const Head& head, const Range& range) {
+  // All else of it is said by headers.
+  for (const auto& [name, value] : head.query) {
+    if (name != "role") return FieldInvalid(name, "an upload has no such parameter");
+  }
+  v1::DeleteFileRequest names;  // as its path has them
+  LITAGS_RETURN_IF_ERROR(FillFields(match.fields, &names));
   v1::FileHeader file;
-  file.set_name(match.fields.back().second);
+  if (!FillFields(head.query, &file).ok()) {
+    return FieldInvalid("role", "it is not one FileRole, as FILE_ROLE_PHOTO");
+  }
+  file.set_name(names.file_name());
   file.set_size_bytes(range.size);
   file.set_offset(range.first);
   file.set_sha256(DigestOf(head));
-  const std::string role(head.Query("role"));
-  v1::FileRole value = v1::FILE_ROLE_PHOTO;
-  if (!role.empty() && !v1::FileRole_Parse(role, &value)) {
-    return InvalidInput("REQUEST_FIELD_INVALID", "role",
-                        "the role is no FileRole, as FILE_ROLE_PHOTO");
-  }
-  file.set_role(value);
   return file;
 }
 
@@ -120,10 +122,6 @@ asio::awaitable<absl::Status> SendBody(Exchange& exchange, RpcCall& call, int64_
   message.mutable_end()->set_files(1);
   if (open && ends_file) co_await call.WriteLast(message);
   co_return absl::OkStatus();
-}
-
-bool IsTruncated(const grpc::Status& status) {
-  return FailureJson(status).find("\"FILE_TRUNCATED\"") != std::string::npos;
 }
 
 }  // namespace
@@ -173,7 +171,7 @@ asio::awaitable<Answer> Api::Forward(Exchange& exchange, const v1::FileHeader& f
   v1::UploadImagesResponse response;
   co_await call->Read(&response);
   const grpc::Status status = co_await call->Finish();
-  if (!ends_file && IsTruncated(status)) {
+  if (!ends_file && ReasonOf(status) == "FILE_TRUNCATED") {
     co_return Answer{202, "application/json", absl::StrCat("{\"received\":\"", end, "\"}"), {}};
   }
   if (!status.ok()) co_return Failure(status);

@@ -53,7 +53,7 @@ class Browsers(GatewayTest):
             self.assertEqual(self.web.get("/v1/jobs", headers={"Host": host}).code, 200)
 
 
-class Tokens(GatewayTest):
+class TokenTest(GatewayTest):
     """The clients alice and bob, on plaintext of this machine."""
 
     @classmethod
@@ -65,7 +65,7 @@ class Tokens(GatewayTest):
                                   capture_output=True, text=True, check=True)
             cls.tokens[name] = made.stdout.strip()
             entries.append(made.stderr.split("--token ")[1].strip())
-        return gateway.WebServer(cls.class_folder, extra=("--token", ",".join(entries)))
+        return gateway.WebServer(cls.class_folder, extra=("--token", ",".join(entries), *cls.extra))
 
     def log_in(self, name, headers=None):
         """The cookie, as a browser would send it."""
@@ -75,6 +75,9 @@ class Tokens(GatewayTest):
         self.assertIn("HttpOnly", cookie)
         self.assertIn("SameSite=Strict", cookie)
         return {"Cookie": "theme=dark; " + cookie.split(";")[0]}
+
+
+class Tokens(TokenTest):
 
     def test_wrong_and_missing_tokens(self):
         cookie = f"litags_token_{self.server.web_port}"
@@ -125,6 +128,35 @@ class Tokens(GatewayTest):
 
     def test_strangers_bytes_are_not_taken(self):
         self.assert_fails(self.web.put_file("jobs/0none", "x.png", bytes(1 << 20)), 401, "TOKEN_MISSING")
+
+
+class Strangers(TokenTest):
+    """A connection has seconds for a call that is let in."""
+
+    extra = ("--max-first-call", str(4 * harness.SLOWER))
+
+    def stranger(self, request):
+        connection = socket.create_connection(("127.0.0.1", self.server.web_port))
+        self.addCleanup(connection.close)
+        connection.sendall(f"{request} HTTP/1.1\r\nHost: x\r\nContent-Length: 0\r\n\r\n".encode())
+        return connection
+
+    def test_strangers_are_cut_whatever_they_ask(self):
+        strangers = [self.stranger(request) for request in (
+            "PUT /v1/jobs/%ff/files/x.png", "PUT /v1/jobs/0none/files/x.png", "GET /v1/jobs",
+            "GET /v1/jobs/0none/events", "GET /v1/jobs/0none/model")]
+        self.wait_for(lambda: harness.closed(strangers) == len(strangers), "an end of them all")
+
+    def test_a_client_stays_whose_first_call_is_quiet(self):
+        alice = self.log_in("alice")
+        job = self.web.post("/v1/jobs", {}, headers=alice).json()["name"]
+        connection = self.client().connection
+        connection.request("GET", f"/v1/{job}/events?afterEvent=1", headers=alice)
+        events = connection.getresponse()
+        later = [self.stranger("GET /v1/jobs")]
+        self.wait_for(lambda: harness.closed(later), "an end of who came later")
+        self.assertEqual(self.web.call("DELETE", f"/v1/{job}", headers=alice).code, 200)
+        self.assertIn(b"event: failure", events.read())
 
 
 class Hostile(GatewayTest):

@@ -199,6 +199,12 @@ class Files(GatewayTest):
         self.assert_fails(reply, 400, "REQUEST_FIELD_INVALID")
         self.assertEqual(reply.detail("google.rpc.ErrorInfo").get("metadata"),
                          {"field": "role"})
+        for query in ("Role=FILE_ROLE_MASK", "file.role=FILE_ROLE_MASK", "role=99", "offset=1",
+                      "role=FILE_ROLE_MASK&role=FILE_ROLE_PHOTO"):
+            self.assert_fails(self.web.call("PUT", f"/v1/{job}/files/x.png?{query}", data), 400,
+                              "REQUEST_FIELD_INVALID", query.split("=")[0])
+        self.assert_fails(self.web.call("PUT", f"/v1/{job}/files/%ff.png", data), 400,
+                          "REQUEST_NOT_JSON")
         violation, = reply.detail("google.rpc.BadRequest")["fieldViolations"]
         self.assertEqual(violation["field"], "role")
         self.assert_fails(self.web.put_file("jobs/0none", "x.png", data), 404, "JOB_NOT_FOUND")
@@ -213,7 +219,7 @@ class Files(GatewayTest):
                               "CONTENT_RANGE_INVALID")
         self.assert_fails(self.client().call("PUT", path, iter([data])), 411, "LENGTH_MISSING")
         # A body of one that is refused does not harm the next request.
-        self.assertEqual(self.web.put_file(job, "x.png", data).code, 200)
+        self.assertEqual(self.web.put_file(job, "x.png", data, role=1).code, 200)
 
     def test_names_of_all_kinds(self):
         job = self.new_job((), start=False)
