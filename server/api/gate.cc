@@ -4,25 +4,22 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <cctype>
 #include <optional>
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/call_door.h"
+#include "server/auth/request_id.h"
 #include "server/errors/to_grpc.h"
 #include "server/net/line_rate.h"
 #include "server/net/peer.h"
-#include "server/store/digest.h"
 
 namespace litags {
 namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-constexpr size_t kMaxRequestIdLength = 64;
-constexpr char kRequestIdHeader[] = "x-request-id";
 // Clients whose use is remembered before those that do nothing are dropped.
 constexpr size_t kMaxRemembered = 1000;
 // An answer is there as a message, and as the bytes that gRPC makes of it.
@@ -38,13 +35,6 @@ std::optional<std::string_view> Header(const grpc::CallbackServerContext& contex
   return std::string_view(found->second.data(), found->second.size());
 }
 
-bool IsRequestId(std::string_view id) {
-  return !id.empty() && id.size() <= kMaxRequestIdLength &&
-         std::all_of(id.begin(), id.end(), [](unsigned char c) {
-           return std::isalnum(c) || c == '.' || c == '_' || c == '-';
-         });
-}
-
 bool IsStream(CallKind kind) {
   return kind == CallKind::kStream || kind == CallKind::kPictureStream;
 }
@@ -53,14 +43,22 @@ bool IsPicture(CallKind kind) {
   return kind == CallKind::kPicture || kind == CallKind::kPictureStream;
 }
 
-// How the log names the other end: "-" in process.
-std::string PeerText(const grpc::CallbackServerContext& context) {
+// Who calls, of calls by HTTP too. Only what calls in process may say whom it calls for.
+std::optional<Peer> CallerOf(const grpc::CallbackServerContext& context) {
   const auto peer = ParsePeer(context.peer());
+  if (peer || ConnectionNumber(context) != 0) return peer;
+  const auto named = Header(context, kPeerHeader);
+  return named ? ParsePeer(absl::StrCat("for:", std::string(*named))) : std::nullopt;
+}
+
+// How the log names the other end.
+std::string PeerText(const grpc::CallbackServerContext& context) {
+  const auto peer = CallerOf(context);
   return peer ? peer->Text() : "-";
 }
 
 std::string NetworkText(const grpc::CallbackServerContext& context) {
-  const auto peer = ParsePeer(context.peer());
+  const auto peer = CallerOf(context);
   return peer ? peer->Network() : "-";
 }
 
@@ -166,9 +164,7 @@ grpc::Status Gate::Refuse(const grpc::CallbackServerContext& context, CallName n
 
 absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* context,
                                                   CallName name) {
-  const auto wanted_id = Header(*context, kRequestIdHeader);
-  std::string request_id =
-      wanted_id && IsRequestId(*wanted_id) ? std::string(*wanted_id) : RandomHex(8);
+  std::string request_id = RequestIdOf(Header(*context, kRequestIdHeader).value_or(""));
   context->AddInitialMetadata(kRequestIdHeader, request_id);
   const int64_t generation = authenticator_->Generation();  // before: a change meanwhile is seen
   Call::Shown shown = ShownBy(*context);

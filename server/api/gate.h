@@ -139,8 +139,8 @@ class Gate {
         unread_(answers.max_unread_bytes),
         token_watch_(authenticator) {}
 
-  // Lets a call in. The answer carries the header "x-request-id": the client's own, if it sent one
-  // of up to 64 letters, digits, '.', '_' or '-', else a new one. Its connection may stay.
+  // Lets a call in. The answer carries the header "x-request-id", see RequestIdOf(). Its
+  // connection may stay.
   //
   // UNAUTHENTICATED, see Authenticator; RESOURCE_EXHAUSTED (TOO_MANY_STREAMS,
   // PICTURE_RATE_EXCEEDED).

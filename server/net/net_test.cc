@@ -356,6 +356,7 @@ TEST(Peers, AreReadAsGrpcWritesThem) {
   EXPECT_EQ(v6->Text(), "[2001:db8:1:2:3::7]:65535");
   EXPECT_EQ(v6->Network(), "[2001:db8:1:2::]");
   EXPECT_EQ(ParsePeer("ipv6:%5B::ffff:192.0.2.7%5D:4711"), v4);
+  EXPECT_EQ(ParsePeer("for:" + v6->Text()), v6);
   EXPECT_EQ(ParsePeer("ipv6:%5Bfe80::1%25eth0%5D:1")->Text(), "[fe80::1]:1");
   for (const char* bad : {"", "inproc", "unix:", "unix:/a", "ipv4:1.2.3.4", "ipv4:1.2.3.4:70000",
                           "ipv4:1.2.3:4x", "ipv6:%5B%5D:1", "ipv4::1"}) {

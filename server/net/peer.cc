@@ -4,6 +4,7 @@
 
 #include <charconv>
 #include <cstring>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 
@@ -36,6 +37,18 @@ std::optional<in6_addr> ParseIp(std::string text) {
   in6_addr v6;
   if (inet_pton(AF_INET6, text.c_str(), &v6) == 1) return v6;
   return std::nullopt;
+}
+
+// gRPC writes them as in a URL.
+std::string_view WithoutBrackets(std::string_view host) {
+  using namespace std::string_view_literals;
+  for (const auto& [open, close] : {std::pair{"%5B"sv, "%5D"sv}, std::pair{"["sv, "]"sv}}) {
+    if (host.starts_with(open) && host.ends_with(close) &&
+        host.size() > open.size() + close.size()) {
+      return host.substr(open.size(), host.size() - open.size() - close.size());
+    }
+  }
+  return host;
 }
 
 }  // namespace
@@ -76,12 +89,7 @@ std::optional<Peer> ParsePeer(std::string_view name) {
       read.ec != std::errc() || read.ptr != end) {
     return std::nullopt;
   }
-  // gRPC writes brackets as in a URL.
-  constexpr std::string_view kOpen = "%5B", kClose = "%5D";
-  const bool bracketed = host.starts_with(kOpen) && host.ends_with(kClose) &&
-                         host.size() > kOpen.size() + kClose.size();
-  const auto ip = ParseIp(std::string(
-      bracketed ? host.substr(kOpen.size(), host.size() - kOpen.size() - kClose.size()) : host));
+  const auto ip = ParseIp(std::string(WithoutBrackets(host)));
   if (!ip) return std::nullopt;
   peer.ip = *ip;
   return peer;

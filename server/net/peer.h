@@ -28,8 +28,12 @@ struct Peer {
 
 // nullopt if it is no IP address.
 std::optional<Peer> PeerOf(const sockaddr_storage& address);
-// Of the name that gRPC gives it: "ipv4:192.0.2.7:4711", "ipv6:%5B2001:db8::7%5D:4711".
+// Of the name that gRPC gives it: "ipv4:192.0.2.7:4711", "ipv6:%5B2001:db8::7%5D:4711"; brackets
+// may be plain.
 std::optional<Peer> ParsePeer(std::string_view grpc_name);
+
+// The header by which a call in process says for whom it is made: Peer::Text().
+inline constexpr char kPeerHeader[] = "litags-peer";
 
 }  // namespace litags
 

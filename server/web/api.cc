@@ -12,8 +12,10 @@
 #include "engine/core/json_text.h"
 #include "engine/core/utf8.h"
 #include "litags/v1/reconstruction_service.pb.h"
+#include "server/auth/request_id.h"
 #include "server/errors/to_grpc.h"
 #include "server/net/line_rate.h"
+#include "server/net/peer.h"
 #include "server/web/failure.h"
 #include "server/web/guard.h"
 #include "server/web/transcode.h"
@@ -191,8 +193,8 @@ std::unique_ptr<RpcCall> Api::Begin(Exchange& exchange, std::string_view rpc,
                                          [](unsigned char c) { return c >= 0x20 && c < 0x7f; });
   };
   if (is_header(authorization)) metadata.emplace("authorization", authorization);
-  const std::string id(exchange.head().Header("x-request-id"));
-  if (is_header(id)) metadata.emplace("x-request-id", id);
+  metadata.emplace(kRequestIdHeader, exchange.head().request_id);
+  metadata.emplace(kPeerHeader, exchange.head().peer);
   return std::make_unique<RpcCall>(
       &stub_, rpc, metadata, std::move(executor), [&exchange] { return exchange.Gone(); }, unread_);
 }

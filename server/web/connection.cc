@@ -26,6 +26,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/auth/request_id.h"
 #include "server/web/failure.h"
 #include "server/web/guard.h"
 
@@ -114,7 +115,7 @@ class Connection final : public Exchange {
   }
 
   asio::awaitable<bool> Send(Answer answer) override {
-    AddSecurityHeaders(&answer);
+    AddHeaders(&answer);
     std::string text =
         HeadText(answer, static_cast<int64_t>(answer.body.size()), /*chunked=*/false, KeepsOpen());
     answered_ = true;
@@ -125,7 +126,7 @@ class Connection final : public Exchange {
   }
 
   asio::awaitable<bool> Begin(Answer head, std::optional<int64_t> length) override {
-    AddSecurityHeaders(&head);
+    AddHeaders(&head);
     // Without a length HTTP/1.0 clients read to the end of the connection.
     chunked_ = !length && http11_;
     if (!length && !http11_) must_close_ = true;
@@ -166,6 +167,13 @@ class Connection final : public Exchange {
   static constexpr bool kTls = std::is_same_v<Stream, TlsStream>;
 
   static auto Into(error_code& error) { return asio::redirect_error(asio::use_awaitable, error); }
+
+  void AddHeaders(Answer* answer) const {
+    AddSecurityHeaders(answer);
+    if (!head_.request_id.empty()) {
+      answer->headers.emplace_back(kRequestIdHeader, head_.request_id);
+    }
+  }
 
   beast::tcp_stream& Lowest() { return beast::get_lowest_layer(stream_); }
   void SetDeadline(double seconds) { Lowest().expires_after(Ms(seconds)); }
@@ -224,6 +232,7 @@ class Connection final : public Exchange {
     head_.tls = kTls;
     head_.peer = caller_.text;
     head_.network = caller_.network;
+    head_.request_id = RequestIdOf(head_.Header(kRequestIdHeader));
     wants_continue_ = absl::AsciiStrToLower(std::string(head_.Header("expect"))) == "100-continue";
     const std::string_view target(message.target().data(), message.target().size());
     return ParseTarget(target, &head_);

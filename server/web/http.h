@@ -19,8 +19,9 @@ struct Head {
   std::map<std::string, std::string> headers;              // by name in lower case
   std::optional<int64_t> content_length;
   bool tls = false;
-  std::string peer;     // for logs
-  std::string network;  // who it is for limits
+  std::string peer;        // for logs
+  std::string network;     // who it is for limits
+  std::string request_id;  // of its calls, and of its answer
 
   // Empty if there is none.
   std::string_view Header(std::string_view name) const;

@@ -4,6 +4,7 @@ import concurrent.futures
 import contextlib
 import json
 import pathlib
+import re
 import socket
 import ssl
 import subprocess
@@ -15,6 +16,7 @@ import gateway
 import certificates
 import harness
 from gateway import GatewayTest, PHOTOS
+from harness import rpc
 
 
 class Browsers(GatewayTest):
@@ -51,6 +53,27 @@ class Browsers(GatewayTest):
                               "HOST_NOT_LOCAL")
         for host in ("localhost", "localhost:8080", "127.0.0.1", "[::1]:80"):
             self.assertEqual(self.web.get("/v1/jobs", headers={"Host": host}).code, 200)
+
+
+    def calls_in_log(self, request_id):
+        log = pathlib.Path(self.server.log_path).read_text()
+        return re.findall(rf"call=(\w+) request={request_id} client=\S+ peer=(\S+)", log)
+
+    def test_a_call_is_found_in_the_log_by_its_answer(self):
+        reply = self.web.post("/v1/jobs", {}, headers={"X-Request-Id": "trace-7f.3"})
+        self.assertEqual(reply.headers["X-Request-Id"], "trace-7f.3")
+        host, port = self.web.connection.sock.getsockname()
+        self.wait_for(lambda: self.calls_in_log("trace-7f.3") == [("CreateJob", f"{host}:{port}")],
+                      "the line of the call")
+        for headers in ({}, {"X-Request-Id": "two words"}):
+            reply = self.web.post("/v1/jobs", {}, headers=headers)
+            self.assertRegex(reply.headers["X-Request-Id"], "^[0-9a-f]{16}$")
+
+    def test_who_calls_by_grpc_cannot_name_another(self):
+        metadata = [("x-request-id", "forged"), ("litags-peer", "192.0.2.7:1")]
+        self.jobs.CreateJob(rpc.CreateJobRequest(), metadata=metadata)
+        self.wait_for(lambda: self.calls_in_log("forged"), "the line of the call")
+        self.assertTrue(self.calls_in_log("forged")[0][1].startswith("127.0.0.1:"))
 
 
 class TokenTest(GatewayTest):
