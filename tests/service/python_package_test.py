@@ -51,6 +51,7 @@ class BrokenUploads(jobs_grpc.ReconstructionServiceServicer):
 
     def __init__(self, *reasons):
         self.reasons, self.calls = list(reasons), []
+        self.lost_start = None
 
     def CreateJob(self, request, context):
         return job_pb2.Job(name="jobs/1", state=job_pb2.JOB_STATE_UPLOADING)
@@ -72,6 +73,8 @@ class BrokenUploads(jobs_grpc.ReconstructionServiceServicer):
 
     def StartJob(self, request, context):
         self.calls.append("StartJob")
+        if self.lost_start:
+            context.abort(self.lost_start, "the answer is lost")
         return job_pb2.Job(name="jobs/1", state=job_pb2.JOB_STATE_QUEUED)
 
     def DeleteJob(self, request, context):
@@ -443,6 +446,31 @@ class Package(harness.ServiceTest):
         self.assertEqual(caught.exception.reason, "UPLOAD_STALLED")
         self.assertRegex(caught.exception.message, "jobs/1 was not started and is still there")
         self.assertEqual(service.calls, ["UploadImages"])
+
+    def test_a_start_that_was_not_answered_leaves_the_job(self):
+        for code in (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.INTERNAL):
+            service = BrokenUploads()
+            service.lost_start = code
+            with self.assertRaises(litags.LitagsError) as caught:
+                self.client_of(service, retry_seconds=0).submit(self.photos())
+            self.assertEqual(caught.exception.code, code)
+            self.assertIn("jobs/1 may have been started, see: litags show jobs/1; if it was not, "
+                          "submit the same again", caught.exception.message)
+            self.assertEqual(service.calls, ["UploadImages", "StartJob"])
+
+    def test_a_request_of_other_photos_is_another_one(self):
+        client = self.client()
+        folders = [self.photos(), self.photos(("a.png", "b.png", "d.png"))]
+        job = client.submit(folders[0], request_id="one")
+        self.assertEqual(client.submit(folders[0], request_id="one"), job)
+        with self.assertRaises(litags.LitagsError) as caught:
+            client.submit(folders[1], request_id="one")
+        self.assertEqual(caught.exception.reason, "REQUEST_ID_REUSED")
+        self.assertIn("other files", caught.exception.message)
+        # To litags, which sets more fields of the request, these files are no others.
+        _, err = self.litags("submit", folders[0], "--request-id", "one", "--name", "",
+                             exit_code=2)
+        self.assertIn("with another request;", err)
 
     def test_progress_is_a_bar_where_tqdm_is_installed(self):
         client = self.client()

@@ -141,18 +141,22 @@ class Client:
             options = job_pb2.JobOptions(**options or {})
         # With a request_id a repeated call makes no second job, and no second start.
         request = rpc.CreateJobRequest(request_id=request_id or str(uuid.uuid4()),
-                                       display_name=title, options=options, labels=labels or {})
+                                       display_name=title, options=options, labels=labels or {},
+                                       content_digest=files.content_digest(found))
         created = self._call(self.jobs.CreateJob, request)
         job = created.name
         if created.state != job_pb2.JOB_STATE_UPLOADING:  # submitted before
             return job
+        starting = False
         try:
             self._upload_all(job, found, strict)
+            starting = True
             self._call(self.jobs.StartJob,
                        rpc.StartJobRequest(name=job, request_id=str(uuid.uuid4())))
         except (errors.LitagsError, OSError, ValueError) as error:
-            if isinstance(error, errors.LitagsError) and error.may_succeed_later:
-                raise errors.of_left_job(error, job, request.request_id) from error
+            if isinstance(error, errors.LitagsError) and (
+                    error.may_succeed_later or (starting and not error.is_answer)):
+                raise errors.of_left_job(error, job, request.request_id, starting) from error
             if not request_id:  # refused, or a file is gone: nobody goes on with it
                 with contextlib.suppress(errors.LitagsError):
                     self._call(self.jobs.DeleteJob,

@@ -21,9 +21,14 @@ class LitagsError(Exception):
         self.message = message  # for people: what is wrong, and what to do
         self.may_succeed_later = may_succeed_later  # the same, made again
 
+    @property
+    def is_answer(self) -> bool:
+        """Whether the service said it, and not gRPC, which knows no reasons."""
+        return self.reason != self.code.name
+
     def __str__(self) -> str:
         field = f", field {self.field}" if self.field else ""
-        reason = f" {self.reason}" if self.reason != self.code.name else ""
+        reason = f" {self.reason}" if self.is_answer else ""
         return f"{self.message}\n  {self.code.name}{reason}{field}"
 
 
@@ -61,12 +66,14 @@ def of_call(error: grpc.RpcError, silent_server: str = "") -> LitagsError:
                        may_succeed_later(error))
 
 
-def of_left_job(error: LitagsError, job: str, request_id: str) -> LitagsError:
-    """Of a server that vanished, or stayed busy, before all of `job` was sent."""
+def of_left_job(error: LitagsError, job: str, request_id: str, starting: bool) -> LitagsError:
+    """Of a server that vanished, or stayed busy, before all of `job` was sent, or at its start."""
+    how = (f"may have been started, see: litags show {job}; if it was not, " if starting
+           else "was not started and is still there: ")
     return LitagsError(error.code, error.reason, error.field,
-                       f"{error.message}; {job} was not started and is still there: submit the "
-                       f"same again with request_id=\"{request_id}\", or remove it with: litags "
-                       f"delete {job}", error.may_succeed_later)
+                       f"{error.message}; {job} {how}submit the same again with "
+                       f"request_id=\"{request_id}\", or remove it with: litags delete {job}",
+                       error.may_succeed_later)
 
 
 def raise_unless_succeeded(job: job_pb2.Job) -> None:

@@ -124,8 +124,8 @@ def find_cameras(cameras: Path) -> list[File]:
 
 def _cameras_of(path: pathlib.Path) -> pathlib.Path:
     """The folder itself, if it is a COLMAP model, or what is in it: the largest model, also in its
-    folder sparse, a file of cameras, or a model in its folder colmap. client/capture.cc has the same
-    rule."""
+    folder sparse, a file of cameras, or a model in its folder colmap. client/cameras_source.cc has the
+    same rule."""
     if not path.is_dir() or _is_model(path):
         return path
     files = [path / name for name in CAMERAS_FILES if (path / name).is_file()]
@@ -184,6 +184,14 @@ def _bundler_list(cameras: pathlib.Path) -> bytes:
 def _files_of(folder: pathlib.Path, endings: Container[str]) -> list[pathlib.Path]:
     return sorted(path for path in folder.iterdir()
                   if path.suffix.lower() in endings and path.name[0] != ".")
+
+
+def content_digest(found: Iterable[File]) -> bytes:
+    """Of roles, names and contents, for CreateJobRequest: client/upload.cc has the same recipe."""
+    digest = hashlib.sha256()
+    for file in sorted(found, key=lambda file: (file.role, file.path.name.encode())):
+        digest.update(f"{int(file.role)}/{file.path.name}\n".encode() + file.sha256)
+    return digest.digest()
 
 
 def upload_messages(job: str, files: Sequence[File],
