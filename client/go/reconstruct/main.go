@@ -228,7 +228,7 @@ func watch(jobs pb.ReconstructionServiceClient, job string) *pb.Job {
 		if err == io.EOF {
 			return must(jobs.GetJob(ctx, &pb.GetJobRequest{Name: job}))
 		}
-		if failures++; status.Code(err) != codes.Unavailable || failures > 60 {
+		if failures++; !mayRetry(err) || failures > 60 {
 			must(job, err)
 		}
 	}
