@@ -10,9 +10,9 @@ namespace litags {
 // What becomes of the code i / 255; 1 is white.
 using CodeCurve = std::array<float, 256>;
 
-// Between the curve's codes linear; what is beyond black and white stays as far beyond.
+// Between the curve's codes linear; what is beyond black and white stays as far beyond, NaN NaN.
 inline float ApplyCurve(const CodeCurve& curve, float code) {
-  const float inside = std::clamp(code, 0.0f, 1.0f);
+  const float inside = code > 0 ? std::min(code, 1.0f) : 0.0f;
   const int i = std::min(static_cast<int>(255 * inside), 254);
   return curve[i] + (255 * inside - i) * (curve[i + 1] - curve[i]) + (code - inside);
 }

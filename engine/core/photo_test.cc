@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/core/code_curve.h"
+
 namespace litags {
 namespace {
 
@@ -68,6 +70,15 @@ TEST(Photo, PlanesHaveTheEncodedValuesChannelByChannel) {
   EXPECT_EQ(planes.at(1, 0, 0), 1);
   EXPECT_EQ(planes.at(2, 0, 0), -0.5f);
   EXPECT_EQ(planes.at(2, 0, 1), 3.0f / kPhotoWhite);
+}
+
+TEST(CodeCurve, IsLinearBetweenCodesAndKeepsWhatLiesBeyond) {
+  CodeCurve curve;
+  for (int i = 0; i < 256; ++i) curve[i] = 0.1f + 0.5f * i / 255;
+  EXPECT_FLOAT_EQ(ApplyCurve(curve, 0.3f), 0.25f);
+  EXPECT_FLOAT_EQ(ApplyCurve(curve, -0.2f), -0.1f);
+  EXPECT_FLOAT_EQ(ApplyCurve(curve, 1.2f), 0.8f);
+  EXPECT_TRUE(std::isnan(ApplyCurve(curve, std::numeric_limits<float>::quiet_NaN())));
 }
 
 }  // namespace

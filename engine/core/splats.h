@@ -21,11 +21,14 @@ enum SplatRow : int {
   kStructure = 15,     // 1, LITA attribute p
   kNoise = 16,         // 3, LITA attribute n
   kIllumination = 19,  // 3, LITA attribute l
-  kShRest = 22,        // 45: coefficient k = 1..15, then RGB: row kShRest + 3 (k - 1) + c
+  kShRest = 22,        // 45: coefficients k = 1..15, as ShRow() says
   kSplatRows = 67,
 };
 
 constexpr int kMaxShDegree = 3;
+
+// Row of coefficient k = 0..15 of colour channel c.
+constexpr int ShRow(int k, int c) { return k == 0 ? kShDc + c : kShRest + 3 * (k - 1) + c; }
 
 // Spherical harmonic of degree 0: a colour that is the same from all sides is 0.5 + kSh0 * kShDc.
 constexpr double kSh0 = 0.28209479177387814;

@@ -14,7 +14,7 @@ namespace HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
-using D = hn::ScalableTag<float>;
+using D = hn::CappedTag<float, 16>;  // rows are padded for 16
 using V = hn::Vec<D>;
 
 template <bool kClamp>

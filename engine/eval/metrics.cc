@@ -138,6 +138,10 @@ using Matrix34 = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
 
 absl::StatusOr<double> Psnr(const Planes& a, const Planes& b, const PlaneU8& mask) {
   LITAGS_RETURN_IF_ERROR(CheckSizes(a, b, mask));
+  if (CountedPixels(mask, a.plane_size()) == 0) {
+    return InvalidInput("MASK_BLACK", "mask",
+                        "no pixel counts by the mask; leave the images out, or mask less of them");
+  }
   const double mse = MeanSquaredError(a, b, mask);
   return mse == 0 ? std::numeric_limits<double>::infinity() : -10 * std::log10(mse);
 }

@@ -13,7 +13,8 @@ namespace litags {
 
 // Images are sRGB-encoded with peak 1 (bytes / 255); Planes are used as they are, not clamped.
 // Everything here returns INVALID_ARGUMENT for empty images or sizes that differ. What does not
-// count by a `mask` (engine/core/mask.h) is taken as equal, and is in no mean.
+// count by a `mask` (engine/core/mask.h) is taken as equal, and is in no mean; where nothing counts
+// a mean is INVALID_ARGUMENT, too.
 
 // -10 log10(mean squared error over all samples), dB; infinity for equal images.
 absl::StatusOr<double> Psnr(const ImageU8& a, const ImageU8& b, const PlaneU8& mask = {});

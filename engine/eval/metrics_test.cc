@@ -107,6 +107,7 @@ TEST(Metrics, WhatDoesNotCountIsTakenAsEqualAndInNoMean) {
   ASSERT_TRUE(cropped.Add(RightOf(a, hidden), RightOf(b, hidden)).ok());
   for (int i = 0; i < 12; ++i) EXPECT_NEAR(masked.Fit()->m[i], cropped.Fit()->m[i], 1e-9);
   EXPECT_EQ(GetErrorDetail(Psnr(a, b, PlaneU8(9, 9)).status())->reason, "SIZE_MISMATCH");
+  EXPECT_EQ(GetErrorDetail(Psnr(a, b, PlaneU8(60, 40)).status())->reason, "MASK_BLACK");
   EXPECT_EQ(GetErrorDetail(Ssim(a, b, SsimBorder::kValid, PlaneU8(60, 40)).status())->reason,
             "IMAGE_TOO_SMALL");
 }

@@ -35,10 +35,6 @@ struct ViewerScene {
 
 // Coefficients of a colour, the one of degree 0 included.
 constexpr int ShCount(int degree) { return (degree + 1) * (degree + 1); }
-// Row of coefficient k of a colour channel.
-constexpr int ShRow(int k, int channel) {
-  return k == 0 ? kShDc + channel : kShRest + 3 * (k - 1) + channel;
-}
 
 // Activated values.
 inline float Opacity(const Splats& splats, size_t i) {

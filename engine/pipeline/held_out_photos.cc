@@ -35,7 +35,8 @@ absl::StatusOr<HeldOutScores> HeldOutPhotos::Score(size_t count, bool with_ssim,
   if (count == 0) return HeldOutScores();
   LossWorkspace workspace(threads_);
   Planes color, target;
-  double psnr_sum = 0, ssim_sum = with_ssim ? 0 : kNotMeasured;
+  double psnr_sum = 0, ssim_sum = 0;
+  int with_windows = 0;
   for (size_t k = 0; k < count; ++k) {
     if (cancel.IsCancelled()) return cancel.Check();
     const size_t i = k * photos_.size() / count;
@@ -46,11 +47,13 @@ absl::StatusOr<HeldOutScores> HeldOutPhotos::Score(size_t count, bool with_ssim,
     LITAGS_ASSIGN_OR_RETURN(const double psnr, Psnr(color, target, photo.mask));
     psnr_sum += psnr;
     if (!with_ssim) continue;
-    ssim_sum +=
-        Ssim(color, target, SsimBorder::kValid, threads_, photo.mask).value_or(kNotMeasured);
+    const auto ssim = Ssim(color, target, SsimBorder::kValid, threads_, photo.mask);
+    if (!ssim.ok()) continue;  // no window of it counts
+    ssim_sum += *ssim;
+    ++with_windows;
   }
-  const auto n = static_cast<double>(count);
-  return HeldOutScores{psnr_sum / n, ssim_sum / n};
+  return HeldOutScores{psnr_sum / static_cast<double>(count),
+                       with_windows > 0 ? ssim_sum / with_windows : kNotMeasured};
 }
 
 absl::Status HeldOutPhotos::FitCameras(const TrainOptions& options, const Model& model,

@@ -210,9 +210,8 @@ size_t ProjectVector(const float* in, size_t begin, size_t count, const KernelCa
   if (AllOutOfSight(in, p, in_front, cam, settings.pixel_filter, dropped.reach)) return clear();
 
   const Lanes o = ProjectLanes(in, p, cam, settings.pixel_filter);
-  V log2_opacity =
-      hn::MulAdd(hn::Set(d, kLog2E), LogSigmoid(hn::Load(d, in + kLogitOpacity * kSplatBlock)),
-                 dropped.log2_gain);
+  const V logit = hn::Load(d, in + kLogitOpacity * kSplatBlock);
+  V log2_opacity = hn::MulAdd(hn::Set(d, kLog2E), LogSigmoid(logit), dropped.log2_gain);
   if (settings.pixel_filter == PixelFilter::kMip) {
     log2_opacity = hn::MulAdd(hn::Set(d, 0.5f), hn::Log2(d, AreaRatio(o)), log2_opacity);
   }
@@ -226,8 +225,8 @@ size_t ProjectVector(const float* in, size_t begin, size_t count, const KernelCa
   V x0, x1, y0, y1;
   PixelRange(x, half_w, cam.width, &x0, &x1);
   PixelRange(y, half_h, cam.height, &y0, &y1);
-  const M visible =
-      hn::And(hn::And(in_front, hn::Gt(q, hn::Zero(d))), hn::And(hn::Le(x0, x1), hn::Le(y0, y1)));
+  const M opaque = hn::And(hn::Gt(q, hn::Zero(d)), hn::Eq(logit, logit));  // LogSigmoid(NaN) is 0
+  const M visible = hn::And(hn::And(in_front, opaque), hn::And(hn::Le(x0, x1), hn::Le(y0, y1)));
   if (hn::AllFalse(d, visible)) return clear();
 
   Rows rows;

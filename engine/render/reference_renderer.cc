@@ -77,7 +77,7 @@ bool ProjectOne(const double* g, const Camera& cam, const RenderSettings& settin
   for (int ch = 0; ch < 3; ++ch) {
     double color = 0.5;
     for (int k = 0; k < terms; ++k) {
-      color += basis[k] * g[k == 0 ? kShDc + ch : kShRest + 3 * (k - 1) + ch];
+      color += basis[k] * g[ShRow(k, ch)];
     }
     out->features[ch] = color * std::pow(settings.lamp.distance / distance, settings.lamp.power);
   }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/core/rng.h"
@@ -457,13 +458,22 @@ TEST(Renderer, NotANumberAndInfinityInOneGaussianLeaveTheOthersAlone) {
   for (size_t i = 0; i < 39; ++i) without.Copy(splats, i, i);
   Renderer renderer;
   Planes want, want_alpha, image, alpha;
-  renderer.Forward(without, MakeCamera(40, 30), RenderSettings(), &want, &want_alpha);
-  for (float bad :
-       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
-    splats.at(39, kMean) = bad;
-    renderer.Forward(splats, MakeCamera(40, 30), RenderSettings(), &image, &alpha);
-    EXPECT_EQ(image.data, want.data);
-  }
+  ForEachTarget([&] {
+    constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+    renderer.Forward(without, MakeCamera(40, 30), RenderSettings(), &want, &want_alpha);
+    for (const int row : {int{kMean}, int{kLogScale}, int{kRawQuat}, int{kLogitOpacity}}) {
+      for (const float bad : {kNan, std::numeric_limits<float>::infinity()}) {
+        const float kept = std::exchange(splats.at(39, row), bad);
+        renderer.Forward(splats, MakeCamera(40, 30), RenderSettings(), &image, &alpha);
+        splats.at(39, row) = kept;
+        for (const float x : image.data) ASSERT_TRUE(std::isfinite(x)) << row << " " << bad;
+        const bool unseen = row == kMean || (row == kLogitOpacity && std::isnan(bad));
+        if (unseen) {
+          EXPECT_EQ(image.data, want.data) << row << " " << bad;
+        }
+      }
+    }
+  });
 }
 
 TEST(Renderer, OrderOfGaussiansDoesNotMatter) {

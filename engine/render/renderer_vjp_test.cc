@@ -1,4 +1,5 @@
 // Renderer::Backward, and what it sums up for density control.
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <tuple>
@@ -92,6 +93,35 @@ TEST(RendererVjp, GradientsMatchFiniteDifferencesOnEveryTarget) {
       }
     });
   }
+}
+
+TEST(RendererVjp, LongListsAndOpaquePixelsMatchADirectionalDerivativeOnEveryTarget) {
+  const Camera camera = MakeCamera(27, 21);
+  Splats splats = MakeSplats(300, 11);
+  for (size_t i = 0; i < splats.size(); ++i) splats.at(i, kLogitOpacity) += 3;
+  const RenderSettings settings;
+  const Loss loss = MakeLoss(splats, camera, settings);
+  const std::vector<double> params = ToDoubles(splats);
+  const std::vector<double> alpha = RenderReference(params, camera, settings).alpha;
+  EXPECT_GT(*std::max_element(alpha.begin(), alpha.end()), 1 - 2e-4) << "none is opaque";
+  std::vector<double> direction(params.size());
+  const CounterRng rng(21, 3);
+  for (size_t i = 0; i < direction.size(); ++i) direction[i] = rng.Normal(i);
+  const auto moved = [&](double by) {
+    std::vector<double> at = params;
+    for (size_t i = 0; i < at.size(); ++i) at[i] += by * direction[i];
+    return loss.Of(RenderReference(at, camera, settings));
+  };
+  const double h = 1e-6, want = (moved(h) - moved(-h)) / (2 * h);
+  ForEachTarget([&] {
+    const std::vector<double> got = Gradient(splats, camera, settings, loss);
+    double slope = 0, squares = 0;
+    for (size_t i = 0; i < got.size(); ++i) {
+      slope += got[i] * direction[i];
+      squares += got[i] * got[i];
+    }
+    EXPECT_NEAR(slope, want, 2e-4 * std::sqrt(squares));
+  });
 }
 
 // The camera after x_cam' = x_cam + w x x_cam + v, which is a turn and a shift to first order.

@@ -22,9 +22,6 @@ constexpr float kSh3[7] = {-0.5900435899266435f, 2.890611442640554f,   -0.457045
                            0.3731763325901154f,  -0.4570457994644658f, 1.445305721320277f,
                            -0.5900435899266435f};
 
-// Row of coefficient k, channel c.
-constexpr int ShRow(int k, int c) { return k == 0 ? kShDc + c : kShRest + 3 * (k - 1) + c; }
-
 // Calls f(k, basis_k) for k = 0 .. (degree + 1)^2 - 1 at the unit direction (x, y, z).
 template <class D, class V, class F>
 HWY_INLINE void ForEachShBasis(D d, int degree, V x, V y, V z, F&& f) {

@@ -4,19 +4,13 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/core/quantile.h"
+
 namespace litags {
 namespace {
 
 constexpr int kAgreementStep = 8;        // pixels along both axes that are compared
 constexpr double kAgreementShare = 0.9;  // Choice: nine of ten pairs of depths
-
-double Quantile(std::vector<float> values, double share) {
-  if (values.empty()) return 0;
-  const auto at =
-      values.begin() + std::min(static_cast<size_t>(share * values.size()), values.size() - 1);
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
 
 using Point = std::array<double, 3>;
 
@@ -96,7 +90,7 @@ MedianPixel MedianPixelOf(const std::vector<SurfacePicture>& pictures,
       }
     }
   }
-  return {Quantile(std::move(widths), 0.5), Quantile(std::move(depths), 0.5)};
+  return {MedianInPlace(widths), MedianInPlace(depths)};
 }
 
 double DepthAgreement(const std::vector<SurfacePicture>& pictures) {
@@ -118,7 +112,7 @@ double DepthAgreement(const std::vector<SurfacePicture>& pictures) {
       }
     }
   }
-  return Quantile(std::move(differences), kAgreementShare);
+  return QuantileInPlace(differences, kAgreementShare);
 }
 
 }  // namespace litags

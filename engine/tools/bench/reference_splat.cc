@@ -39,9 +39,6 @@ void ReadRows(const ReferenceCase& reference, const char* array, int row, int co
   for (size_t i = 0; i < values.size(); ++i) splats->at(i / count, row + i % count) = values[i];
 }
 
-// Row of coefficient k, colour c of spherical harmonics.
-int ShRow(int k, int c) { return k == 0 ? kShDc + c : kShRest + 3 * (k - 1) + c; }
-
 // Row that feature c is kept in: harmonics of degree 0, then the LITA attributes.
 int FeatureRow(int c) {
   if (c >= kChannelNoise) return kNoise + c - kChannelNoise;
