@@ -173,6 +173,29 @@ TEST_F(DetailsTest, ACloneThatIsCancelledGoesOnWhereItWas) {
   EXPECT_EQ(links, 3);
 }
 
+TEST_F(DetailsTest, ACloneThatLacksAMaskTakesItsArchiveAgain) {
+  const std::string id = UploadedJob(jobs_);
+  const std::string path = data_.tmp() + "/staged";
+  std::ofstream(path) << "mask";
+  const FileRecord mask{"a.png", FileRole::kMask, 4, Sha256::Hex("mask"), 64, 48};
+  const FileRecord archive{"a.zip", FileRole::kArchive, 9, Sha256::Hex("a.zip"), 0, 0};
+  ASSERT_TRUE(jobs_.uploads().Add(id, mask, path).ok());
+  ASSERT_TRUE(jobs_.uploads().NoteArchive(id, archive).ok());
+  NewJob whole, lacking;
+  whole.request_id = "whole";
+  lacking.request_id = "lacking";
+  EXPECT_TRUE(*jobs_.uploads().IsStored(jobs_.Clone(id, whole)->id, archive));
+
+  const auto jobs = jobs_.List(0, "", 10);
+  for (const JobRecord& job : *jobs) {
+    ASSERT_TRUE(blobs_->Remove(BlobKey(job.id, mask.sha256)).ok());
+  }
+  EXPECT_EQ(Reason(jobs_.Clone(id, lacking).status()), "CLONED_FILE_GONE");
+  const std::string clone = jobs_.Create(lacking)->id;
+  EXPECT_THAT(Names(clone), ElementsAre("a.jpg", "b.jpg", "c.jpg"));
+  EXPECT_FALSE(*jobs_.uploads().IsStored(clone, archive));
+}
+
 TEST_F(DetailsTest, APriorityThatAnAdministratorRaisedLocksNobodyOut) {
   ClientView view;
   view.owner = "me";
