@@ -121,10 +121,5 @@ int main(int argc, char** argv) {
   litags::client::AddDoctorCommand(app, session);
   litags::client::AddInspectCommand(app, session);
   if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;
-  // What was lost before, as on a full disk, the last flush does not tell.
-  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
-    litags::client::Note("not all of the output could be written");
-    return litags::client::kExitServerError;
-  }
-  return session.exit_code;
+  return litags::FlushOutput(session.exit_code, litags::client::kExitServerError);
 }

@@ -105,17 +105,7 @@ std::string DescribeCommands(const CLI::App& app) {
                     [](std::string* out, const CLI::App* c) { out->append(c->get_name()); }));
 }
 
-// Names of files may hold characters that steer the terminal.
-void Print(std::string text) {
-  for (size_t i = 0; i < text.size(); ++i) {
-    const auto c = static_cast<unsigned char>(text[i]);
-    const bool c1 =
-        c == 0xC2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xA0;
-    if (c1) text.erase(i, 1);
-    if (c1 || c < 0x20 || c == 0x7F) text[i] = '?';
-  }
-  std::fprintf(stderr, "%s\n", text.c_str());
-}
+void Print(const std::string& text) { std::fprintf(stderr, "%s\n", WithoutControls(text).c_str()); }
 
 }  // namespace
 
@@ -138,6 +128,25 @@ std::optional<int> ParseArguments(CLI::App& app, int argc, char** argv) {
     }
     return 2;
   }
+}
+
+int FlushOutput(int exit, int lost) {
+  // What was lost before, the last flush does not tell.
+  const bool whole = std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
+  if (whole) return exit;
+  std::fprintf(stderr, "not all of the output could be written\n");
+  return exit == 0 ? lost : exit;
+}
+
+std::string WithoutControls(std::string text) {
+  for (size_t i = 0; i < text.size(); ++i) {
+    const auto c = static_cast<unsigned char>(text[i]);
+    const bool c1 =
+        c == 0xC2 && i + 1 < text.size() && static_cast<unsigned char>(text[i + 1]) < 0xA0;
+    if (c1) text.erase(i, 1);
+    if (c1 || (c < 0x20 && c != '\n') || c == 0x7F) text[i] = '?';
+  }
+  return text;
 }
 
 std::string DescribeUsageError(const CLI::App& app, const CLI::Error& error) {

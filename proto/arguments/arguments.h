@@ -18,6 +18,13 @@ namespace litags {
 // sentence on stderr describes.
 std::optional<int> ParseArguments(CLI::App& app, int argc, char** argv);
 
+// For the end of main(): `exit`, or `lost` where `exit` is 0 but not all of stdout could be
+// written, as on a full disk, which it says on stderr.
+int FlushOutput(int exit, int lost = 1);
+
+// With '?' in place of what steers a terminal, as names of files may hold it; lines stay lines.
+std::string WithoutControls(std::string text);
+
 // What is wrong, e.g. "--frames takes a whole number from 1 to 10000, not \"abc\"". `error` is of
 // an option of `app`, or of its command that was given.
 std::string DescribeUsageError(const CLI::App& app, const CLI::Error& error);

@@ -33,5 +33,5 @@ int main(int argc, char** argv) {
   litags::AddExposureCommand(&app, &exit_status);
   litags::AddShadowsCommand(&app, &exit_status);
   if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;
-  return exit_status;
+  return litags::FlushOutput(exit_status);
 }

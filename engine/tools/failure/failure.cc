@@ -4,6 +4,7 @@
 
 #include "engine/core/error.h"
 #include "engine/tools/interrupt/interrupt.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 
@@ -16,10 +17,11 @@ int ExitCodeOf(const absl::Status& status) {
 }
 
 void PrintError(const std::string& program, const absl::Status& status, const std::string& hint) {
-  std::fprintf(stderr, "%s: %s%s\n", program.c_str(), std::string(status.message()).c_str(),
-               hint.c_str());
+  std::fprintf(stderr, "%s: %s%s\n", program.c_str(),
+               WithoutControls(std::string(status.message())).c_str(), hint.c_str());
   if (const auto detail = GetErrorDetail(status); detail.has_value()) {
-    std::fprintf(stderr, "  reason %s, field %s\n", detail->reason.c_str(), detail->field.c_str());
+    std::fprintf(stderr, "  reason %s, field %s\n", detail->reason.c_str(),
+                 WithoutControls(detail->field).c_str());
   }
 }
 

@@ -15,6 +15,7 @@
 #include "engine/io/dataset_layout.h"
 #include "engine/io/image_io.h"
 #include "engine/tools/inspect/folder_contents.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {
@@ -91,7 +92,7 @@ absl::Status UseDatasetFolder(bool with_cameras, std::string* photos, std::strin
   const auto use = [](const char* what, const std::string& path, std::string* out) {
     if (path.empty() || !out->empty()) return;
     *out = path;
-    std::fprintf(stderr, "%s: those in %s\n", what, path.c_str());
+    std::fprintf(stderr, "%s: those in %s\n", what, WithoutControls(path).c_str());
   };
   if (with_cameras && cameras->empty() && dataset->cameras_are_ambiguous) {
     return InvalidInput("CAMERAS_TWICE", "--cameras",
@@ -105,7 +106,7 @@ absl::Status UseDatasetFolder(bool with_cameras, std::string* photos, std::strin
   use("masks", dataset->masks, masks);
   use("depth maps", dataset->depth, depth);
   for (const std::string& note : dataset->notes) {
-    std::fprintf(stderr, "note: not used: %s\n", note.c_str());
+    std::fprintf(stderr, "note: not used: %s\n", WithoutControls(note).c_str());
   }
   return absl::OkStatus();
 }
@@ -115,7 +116,7 @@ void UseMasksBeside(const std::string& photos, std::string* masks) {
   std::error_code ignored;
   if (!masks->empty() || !fs::is_directory(beside, ignored)) return;
   *masks = beside;
-  std::fprintf(stderr, "masks: those in %s\n", masks->c_str());
+  std::fprintf(stderr, "masks: those in %s\n", WithoutControls(*masks).c_str());
 }
 
 }  // namespace litags

@@ -29,6 +29,7 @@
 #include "engine/tools/inspect/folder_contents.h"
 #include "engine/tools/inspect/photo_sheet.h"
 #include "engine/video/video_file.h"
+#include "proto/arguments/arguments.h"
 
 namespace litags {
 namespace {
@@ -285,7 +286,9 @@ absl::Status CheckFramesAreOfVideo(int frames, bool is_video) {
 absl::StatusOr<ReconstructInput> PickFramesNow(const ReconstructInput& input, int frames,
                                                const CancelToken& cancel) {
   std::vector<std::string> notes;
-  const auto say = [](const std::string& text) { std::fprintf(stderr, "%s\n", text.c_str()); };
+  const auto say = [](const std::string& text) {
+    std::fprintf(stderr, "%s\n", WithoutControls(text).c_str());
+  };
   LITAGS_ASSIGN_OR_RETURN(ReconstructInput picked,
                           WithFramesAsPhotos(input, frames, cancel, say, &notes));
   for (const std::string& note : notes) say("note: " + note);

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <string>
+#include <utility>
 
 #include "engine/core/error.h"
 #include "engine/tools/failure/failure.h"
@@ -64,7 +65,7 @@ absl::Status Run(const Arguments& args, const CancelToken& cancel) {
   LITAGS_ASSIGN_OR_RETURN(input, PickFramesNow(input, args.frames, cancel));
   std::string text;
   const absl::Status status = InspectFolder(input, args.options, args.sheet, cancel, &text);
-  std::fputs(text.c_str(), stdout);
+  std::fputs(WithoutControls(std::move(text)).c_str(), stdout);
   return status;
 }
 
@@ -75,7 +76,7 @@ int Main(int argc, char** argv) {
   AddOptions(&app, &args);
   if (const auto exit = ParseArguments(app, argc, argv)) return *exit;
   const absl::Status status = Run(args, CancelOnInterrupt());
-  if (status.ok()) return 0;
+  if (status.ok()) return FlushOutput(0);
   PrintError("litags inspect", status);
   return absl::IsCancelled(status) ? kInterruptedExit : 2;  // 2, as litags: bad input
 }

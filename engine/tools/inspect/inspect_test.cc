@@ -117,6 +117,26 @@ TEST_F(Inspect, SaysWhatWouldBeUsedAndWhatNot) {
                                    "are [0-9.]+ GiB"));
 }
 
+TEST_F(Inspect, NamesDoNotSteerTheTerminal) {
+  fs::rename(photos_ + "/p0.jpg", photos_ + "/p\x1b[2J.jpg");
+  fs::rename(photos_ + "/bad.jpg", photos_ + "/bad\x1b[2J.jpg");
+  ASSERT_EQ(Run({photos_}), 0) << text_;
+  EXPECT_THAT(text_, HasSubstr("p?[2J.jpg "));
+  EXPECT_THAT(text_, HasSubstr("bad?[2J.jpg is left out"));
+  EXPECT_EQ(Run({dir_ / "no\x1b[2Jwhere"}), 2);
+  EXPECT_THAT(text_, HasSubstr("no?[2Jwhere"));
+}
+
+TEST_F(Inspect, OutputThatIsLostIsAnError) {
+  SubprocessOptions shell;
+  shell.args = {"/bin/sh", "-c", "exec \"$0\" \"$1\" >/dev/full", LITAGS_INSPECT, photos_};
+  shell.tail_lines = 100;
+  const auto result = RunSubprocess(shell, CancelToken());
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->exit_code, 1) << result->tail;
+  EXPECT_THAT(result->tail, HasSubstr("not all of the output could be written"));
+}
+
 TEST_F(Inspect, ALinkToAPhotoThatIsGoneIsLeftOutByName) {
   fs::create_symlink("nowhere/p9.jpg", photos_ + "/p9.jpg");
   ASSERT_EQ(Run({photos_}), 0) << text_;

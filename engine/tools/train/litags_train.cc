@@ -46,6 +46,10 @@ struct Arguments {
   std::vector<std::string> set;  // constants of the recipe
 };
 
+void PrintNote(const std::string& note) {
+  std::fprintf(stderr, "note: %s\n", WithoutControls(note).c_str());
+}
+
 void PrintMean(const char* what, const Scores& scores) {
   std::printf(
       "%s, mean of %d test views: PSNR %.2f dB  SSIM %.4f  (after one colour fit %.2f dB)\n", what,
@@ -248,7 +252,7 @@ absl::Status Inspect(const ReconstructInput& input, const ReconstructOptions& op
                      const CancelToken& cancel) {
   std::string text;
   const absl::Status status = InspectFolder(input, options, "", cancel, &text);
-  std::fputs(text.c_str(), stdout);
+  std::fputs(WithoutControls(std::move(text)).c_str(), stdout);
   return status;
 }
 
@@ -265,7 +269,7 @@ absl::Status WriteResults(const Arguments& args, const ReconstructReport& report
                  "among those without a camera\n",
                  test_photos);
   }
-  for (const std::string& note : report.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
+  for (const std::string& note : report.notes) PrintNote(note);
   LITAGS_RETURN_IF_ERROR(Evaluate(args, scene));
   PrintReport(report, test_photos);
   return absl::OkStatus();
@@ -284,7 +288,7 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
     LITAGS_RETURN_IF_ERROR(CheckAllReadable(input, args.options.threads, cancel));
   }
   for (const std::string& note : DescribeUnused(input)) {
-    std::fprintf(stderr, "note: %s\n", note.c_str());
+    PrintNote(note);
   }
   const bool used = fs::exists(args.out + "/scene.litags");
   if (used) {
@@ -359,7 +363,7 @@ int Main(int argc, char** argv) {
     const bool resumable = absl::IsCancelled(status) && keeps && !args.inspect;
     PrintError("litags-train", status, resumable ? "; run the same command to go on" : "");
   }
-  return ExitCodeOf(status);
+  return FlushOutput(ExitCodeOf(status));
 }
 
 }  // namespace
