@@ -1,14 +1,19 @@
 #include "engine/tools/bench/command_options.h"
 
+#include <filesystem>
+#include <system_error>
 #include <utility>
 
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
+#include "absl/strings/str_cat.h"
 #include "engine/io/file_util.h"
 #include "engine/tools/failure/failure.h"
 #include "proto/arguments/arguments.h"
 
 namespace litags {
+
+namespace fs = std::filesystem;
 
 void WhenGiven(CLI::App* command, int* exit_status, std::function<absl::Status()> body) {
   command->callback([body = std::move(body), exit_status] {
@@ -32,7 +37,9 @@ void AddGaussiansOption(CLI::App* command, int* gaussians) {
 }
 
 void AddThreadsOption(CLI::App* command, int* threads) {
-  command->add_option("--threads", *threads, "0: all cores")->capture_default_str();
+  command->add_option("--threads", *threads, "0: all cores")
+      ->capture_default_str()
+      ->check(Between(0, 1024));
 }
 
 void AddLpipsOption(CLI::App* command, std::string* path) {
@@ -40,7 +47,16 @@ void AddLpipsOption(CLI::App* command, std::string* path) {
 }
 
 void AddJsonOption(CLI::App* command, std::string* path) {
-  command->add_option("--json", *path, "also write the figures here");
+  const auto can_be_made = [](std::string& text) -> std::string {
+    std::error_code ignored;
+    const fs::path file = fs::absolute(text);
+    if (fs::is_directory(file.parent_path(), ignored) && !fs::is_directory(file, ignored)) {
+      return "";
+    }
+    return absl::StrCat("takes a file in a folder that is there, not \"", text, "\"");
+  };
+  command->add_option("--json", *path, "also write the figures here")
+      ->check(CLI::Validator(can_be_made, "file"));
 }
 
 absl::Status WriteJson(const std::string& path, const std::string& json) {

@@ -32,6 +32,36 @@ TEST(KernelsCommand, RefusesAValueInTheWordsOfEveryProgram) {
               HasSubstr("--pdm-hidden takes a whole number from 0 to 64, not \"1.5\""));
 }
 
+TEST(Bench, InputThatIsWrongIsToldBeforeAnythingIsMeasured) {
+  const struct {
+    std::string command;
+    std::vector<std::string> arguments;
+    std::string said;
+  } wrong[] = {
+      {"kernels", {"--size", "64x48abc"}, "--size 64x48abc: give WIDTHxHEIGHT"},
+      {"kernels", {"--threads", "-1"}, "--threads takes a whole number from 0 to 1024, not"},
+      {"machine", {"--json", "/no/such/folder/x.json"}, "--json takes a file in a folder that is"},
+      {"machine", {"--json", "/tmp"}, "--json takes a file in a folder that is there, not"},
+      {"reference", {"nonexist"}, "reason NO_SUCH_FOLDER, field DIR"},
+  };
+  for (const auto& [command, arguments, said] : wrong) {
+    const SubprocessResult result = RunBench(command, arguments);
+    EXPECT_EQ(result.exit_code, 2) << result.tail;
+    EXPECT_THAT(result.tail, HasSubstr(said));
+    EXPECT_THAT(result.tail, Not(HasSubstr("instruction set"))) << "it was measured";
+  }
+}
+
+TEST(Bench, OutputThatIsLostIsAnError) {
+  SubprocessOptions shell;
+  shell.args = {"/bin/sh", "-c", "exec \"$0\" machine >/dev/full", LITAGS_BENCH};
+  shell.tail_lines = 100;
+  const auto result = RunSubprocess(shell, CancelToken());
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->exit_code, 1) << result->tail;
+  EXPECT_THAT(result->tail, HasSubstr("not all of the output could be written"));
+}
+
 TEST(TableCommand, SaysTheReasonOfWrongInput) {
   const SubprocessResult result = RunBench("table", {"nowhere", "-o", "table"});
   EXPECT_EQ(result.exit_code, 2) << result.tail;

@@ -20,8 +20,10 @@ struct TimingOptions {
 inline void AddSizeOption(CLI::App* command, int* width, int* height) {
   const std::string standard = std::to_string(*width) + "x" + std::to_string(*height);
   const auto set_size = [width, height](const std::string& text) {
-    if (std::sscanf(text.c_str(), "%dx%d", width, height) != 2 || *width < 1 || *height < 1 ||
-        *width > 16384 || *height > 16384) {
+    int used = 0;
+    if (std::sscanf(text.c_str(), "%5dx%5d%n", width, height, &used) != 2 ||
+        used != static_cast<int>(text.size()) || *width < 1 || *height < 1 || *width > 16384 ||
+        *height > 16384) {
       throw CLI::ValidationError("--size " + text + ": give WIDTHxHEIGHT in 1..16384");
     }
   };
