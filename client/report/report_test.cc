@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "absl/strings/str_cat.h"
+#include "client/report/settings.h"
 
 namespace litags::report {
 namespace {
@@ -56,6 +57,17 @@ ReportData Finished() {
   data.pictures = PicturesOf(data.job, data.cameras);
   for (Picture& picture : data.pictures) picture.view.set_data("\xff\xd8\xff jpeg");
   return data;
+}
+
+TEST(Report, NumbersOfItsCommandMeanWhatTheJobHad) {
+  ReportData data = Finished();
+  for (const double share : {1.0 / 3, 0.123456789, 0.9, 1.0}) {
+    data.job.mutable_options()->set_min_registered(share);
+    const std::string text = OptionText(data.job.options(), "min_registered");
+    EXPECT_EQ(std::stod(text), share) << text;
+    EXPECT_LE(text.size(), 18u);
+    EXPECT_THAT(ReportHtml(data), HasSubstr("--min-registered " + text));
+  }
 }
 
 // Every text that a user can choose.

@@ -3,10 +3,12 @@
 #include <google/protobuf/descriptor.h>
 
 #include <algorithm>
+#include <charconv>
+#include <iterator>
+#include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
 #include "client/report/text.h"
 #include "litags/v1/help.pb.h"
 
@@ -23,6 +25,12 @@ struct Setting {
   bool IsChanged() const { return value != usual; }
 };
 
+// In the fewest digits that mean this number and no other.
+std::string Shortest(double number) {
+  char text[32];
+  return {text, std::to_chars(std::begin(text), std::end(text), number).ptr};
+}
+
 // As the command line takes it.
 std::string ValueOf(const v1::JobOptions& options, const FieldDescriptor& field) {
   const auto& reflection = *options.GetReflection();
@@ -38,7 +46,7 @@ std::string ValueOf(const v1::JobOptions& options, const FieldDescriptor& field)
     case FieldDescriptor::CPPTYPE_UINT64:
       return absl::StrCat(reflection.GetUInt64(options, &field));
     case FieldDescriptor::CPPTYPE_DOUBLE:
-      return absl::StrFormat("%g", reflection.GetDouble(options, &field));
+      return Shortest(reflection.GetDouble(options, &field));
     default:
       return "";
   }
