@@ -88,9 +88,14 @@ int Render(Session& session, const RenderArgs& args) {
   const absl::Status used = CheckQuality(request.settings(), "end the file's name with .jpg");
   if (!used.ok()) return ReportError(session, used);
 
+  OutputFile file;  // opened before the server renders for it
+  absl::Status status = file.Open(args.output);
+  if (!status.ok()) return ReportError(session, status, args.job);
   const auto view = session.client().RenderView(request);
   if (!view.ok()) return ReportError(session, view.status(), args.job);
-  const absl::Status status = WritePicture(args.output, *view);
+  const auto bytes = PictureFileBytes(args.output, *view);
+  status = bytes.ok() ? file.Write(*bytes) : bytes.status();
+  if (status.ok()) status = file.Commit();
   if (!status.ok()) return ReportError(session, status, args.job);
   std::string text = absl::StrCat(args.output, ": ", view->width(), "x", view->height(),
                                   ", iteration ", view->iteration());

@@ -56,12 +56,15 @@ int Report(Session& session, const std::string& job, const std::string& output) 
   if (const absl::Status status = CheckOutput(output); !status.ok()) {
     return ReportError(session, status, job);
   }
+  OutputFile file;  // opened before the server renders for it
+  absl::Status status = file.Open(output);
+  if (!status.ok()) return ReportError(session, status, job);
   const auto data = Gather(session.client(), job);
   if (!data.ok()) return ReportError(session, data.status(), job);
   const std::string page = report::ReportHtml(*data);
-  if (const absl::Status status = WriteWhole(output, page); !status.ok()) {
-    return ReportError(session, status, job);
-  }
+  status = file.Write(page);
+  if (status.ok()) status = file.Commit();
+  if (!status.ok()) return ReportError(session, status, job);
   Note(absl::StrCat(output, ": ", BytesText(static_cast<int64_t>(page.size()))));
   return kExitOk;
 }
