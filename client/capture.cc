@@ -13,11 +13,11 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
 #include "absl/types/span.h"
+#include "client/cameras_source.h"
 #include "client/status.h"
 #include "client/text.h"
 #include "proto/litags/v1/limits.h"
@@ -132,72 +132,16 @@ void NoteUnusedFolders(const std::string& dir, const Places& used, Capture* capt
   }
 }
 
-// Files of cameras as their programs name them.
-constexpr const char* kCamerasFiles[] = {"transforms.json", "sfm_data.json", "cameras.sfm",
-                                         "cameras.xml", "bundle.out"};
-
-bool IsColmapModel(const fs::path& dir) {
-  std::error_code ignored;
-  return fs::exists(dir / "cameras.bin", ignored) || fs::exists(dir / "cameras.txt", ignored);
-}
-
-// How many images a COLMAP model says that it has: the number that images.bin begins with, else the
-// lines of images.txt that end in a name. engine/io/cameras_io.cc has the same rule.
-uint64_t ImagesOf(const fs::path& dir) {
-  uint64_t count = 0;
-  std::ifstream binary(dir / "images.bin", std::ios::binary);
-  if (binary.read(reinterpret_cast<char*>(&count), sizeof(count))) return count;
-  std::ifstream text(dir / "images.txt");
-  count = 0;
-  for (std::string line; std::getline(text, line);) {
-    const absl::string_view words = absl::StripAsciiWhitespace(line);
-    double number = 0;
-    count += !words.empty() && words[0] != '#' &&
-             !absl::SimpleAtod(words.substr(words.find_last_of(" \t") + 1), &number);
-  }
-  return count;
-}
-
-// The largest COLMAP model inside a folder or inside its folder sparse; empty: there is none.
-fs::path LargestModel(const fs::path& dir) {
-  std::error_code ignored;
-  std::vector<fs::path> models;
-  for (const fs::path& parent : {dir, dir / "sparse"}) {
-    for (const auto& entry : fs::directory_iterator(parent, ignored)) {
-      if (IsColmapModel(entry.path())) models.push_back(entry.path());
-    }
-  }
-  std::sort(models.begin(), models.end());
-  const auto largest = std::max_element(
-      models.begin(), models.end(),
-      [](const fs::path& a, const fs::path& b) { return ImagesOf(a) < ImagesOf(b); });
-  return largest == models.end() ? fs::path() : *largest;
-}
-
-// What is meant by a folder: as the engine's ResolveCameras, it itself, the largest of the models
-// inside or inside its folder sparse, a file of cameras, or a model in its folder colmap.
-fs::path ResolveCameras(const fs::path& path) {
-  std::error_code ignored;
-  if (!fs::is_directory(path, ignored) || IsColmapModel(path)) return path;
-  const fs::path model = LargestModel(path);
-  if (!model.empty()) return model;
-  for (const char* name : kCamerasFiles) {
-    if (fs::is_regular_file(path / name, ignored)) return path / name;
-  }
-  const fs::path inside = LargestModel(path / "colmap");
-  return inside.empty() ? path : inside;
-}
-
 // The files of a COLMAP model, in text form if there is no binary one; it may have no points.
 absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
   std::error_code ignored;  // MakeLocalFile says what is wrong
   if (!IsColmapModel(dir)) {
-    return BadInput("NO_CAMERAS_IN_FOLDER", "--cameras",
-                    absl::StrCat(dir,
-                                 ": has neither a COLMAP model (cameras.bin, images.bin; in it, in "
-                                 "sparse or in a folder of these) nor ",
-                                 absl::StrJoin(kCamerasFiles, ", "),
-                                 "; give the file or the folder of the cameras"));
+    return BadInput(
+        "NO_CAMERAS_IN_FOLDER", "--cameras",
+        absl::StrCat(dir,
+                     ": has neither a COLMAP model (cameras.bin, images.bin; in it, in "
+                     "sparse or in a folder of these) nor ",
+                     CamerasFileNames(), "; give the file or the folder of the cameras"));
   }
   const bool text = !fs::exists(fs::path(dir) / "cameras.bin", ignored) &&
                     fs::exists(fs::path(dir) / "cameras.txt", ignored);
@@ -329,11 +273,11 @@ bool HoldsPhotos(const fs::path& dir) {
 
 // A dataset's folder, as of nerfstudio, 3DGS or Mip-NeRF 360, holds no photos itself, but images/
 // (or smaller copies, images_2/) beside their cameras: puts the folders within in place of what the
-// user did not name. litags-train has the same rule (engine/tools/inspect/dataset_folder.cc).
-void UseDatasetFolder(Places* places, std::vector<std::string>* notes) {
+// user did not name, as engine/tools/inspect/dataset_folder.cc does.
+absl::Status UseDatasetFolder(Places* places, std::vector<std::string>* notes) {
   const fs::path dir = places->photos;
   std::error_code ignored;
-  if (!fs::is_directory(dir, ignored) || HoldsPhotos(dir)) return;
+  if (!fs::is_directory(dir, ignored) || HoldsPhotos(dir)) return absl::OkStatus();
   // The first of these folders that there is goes to `place`.
   const auto use = [&](std::string* place, std::initializer_list<const char*> names) {
     for (const char* name : names) {
@@ -346,9 +290,18 @@ void UseDatasetFolder(Places* places, std::vector<std::string>* notes) {
     notes->push_back(absl::StrCat("photos: ", places->photos));
     use(&places->masks, {"masks", "mask"});
     use(&places->depth, {"depths", "depth"});
-    if (places->cameras.empty() && ResolveCameras(dir) != dir) places->cameras = dir;
-    return;
+    if (!places->cameras.empty()) return absl::OkStatus();
+    const auto cameras = CamerasOfDataset(dir, name);
+    if (!cameras.ok()) return cameras.status();
+    places->cameras = cameras->used.string();
+    if (!places->cameras.empty()) notes->push_back(absl::StrCat("cameras: ", places->cameras));
+    if (!cameras->others.empty()) {
+      notes->push_back(
+          absl::StrCat("cameras that are not used: ", absl::StrJoin(cameras->others, ", ")));
+    }
+    return absl::OkStatus();
   }
+  return absl::OkStatus();
 }
 
 // The photos, or the one file that holds them.
@@ -401,8 +354,8 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
                                     const std::string& depth_dir, const std::string& masks_dir) {
   Capture capture;
   Places places{photos_dir, cameras_path, depth_dir, masks_dir};
-  UseDatasetFolder(&places, &capture.notes);
-  absl::Status status = AddPhotos(places.photos, &capture);
+  absl::Status status = UseDatasetFolder(&places, &capture.notes);
+  if (status.ok()) status = AddPhotos(places.photos, &capture);
   if (status.ok() && !places.cameras.empty()) status = AddCameras(places.cameras, &capture);
   if (status.ok() && !places.depth.empty()) {
     status = AddDepth(places.depth, /*named=*/!depth_dir.empty(), &capture);
@@ -435,7 +388,8 @@ std::string DefaultTitle(const std::string& photos_dir) {
              : name;
 }
 
-absl::StatusOr<std::string> FileSha256(const std::string& path, absl::string_view tail) {
+absl::StatusOr<std::string> FileSha256(const std::string& path, const Interrupt& interrupt,
+                                       absl::string_view tail) {
   std::ifstream in(path, std::ios::binary);
   if (!in) return Unreadable(path, std::generic_category().message(errno));
   const std::unique_ptr<EVP_MD_CTX, void (*)(EVP_MD_CTX*)> context(EVP_MD_CTX_new(),
@@ -443,6 +397,7 @@ absl::StatusOr<std::string> FileSha256(const std::string& path, absl::string_vie
   EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
   std::string chunk(kReadBytes, '\0');
   while (in.read(chunk.data(), kReadBytes) || in.gcount() > 0) {
+    if (interrupt.raised()) return absl::CancelledError("interrupted");
     EVP_DigestUpdate(context.get(), chunk.data(), static_cast<size_t>(in.gcount()));
   }
   if (in.bad()) return Unreadable(path, "read error");

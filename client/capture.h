@@ -43,8 +43,10 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
 // where the service would refuse it.
 std::string DefaultTitle(const std::string& photos_dir);
 
-// SHA-256 of a file and what goes up behind it, 32 bytes. INVALID_ARGUMENT (FILE_UNREADABLE).
-absl::StatusOr<std::string> FileSha256(const std::string& path, absl::string_view tail = "");
+// SHA-256 of a file and what goes up behind it, 32 bytes. INVALID_ARGUMENT (FILE_UNREADABLE);
+// CANCELLED soon after `interrupt` was raised.
+absl::StatusOr<std::string> FileSha256(const std::string& path, const Interrupt& interrupt,
+                                       absl::string_view tail = "");
 
 }  // namespace litags::client
 

@@ -8,6 +8,7 @@
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "client/client.h"
@@ -155,6 +156,61 @@ TEST_F(ScanCaptureTest, TakesImagesAndCamerasOfADatasetsFolder) {
   }
 }
 
+// As litags inspect: docs/datasets.md has the list.
+TEST_F(ScanCaptureTest, OfSeveralCamerasOfADatasetTheFirstOfTheListIsTaken) {
+  constexpr char kTwice[] = "CAMERAS_TWICE";
+  const struct {
+    std::vector<std::string> sources;
+    std::string used;  // empty: none
+  } layouts[] = {
+      {{"transforms.json", "colmap_text/cameras.txt"}, "transforms.json"},  // of instant-ngp
+      {{"transforms.json", "old/cameras.bin"}, "transforms.json"},
+      {{"transforms.json", "sparse/0/cameras.bin"}, "sparse/0/cameras.bin"},
+      {{"transforms.json", "sparse/cameras.txt"}, "sparse/cameras.txt"},
+      {{"transforms.json", "cameras.bin"}, "cameras.bin"},
+      {{"transforms.json", "cameras.xml"}, "transforms.json"},
+      {{"sfm_data.json", "colmap/sparse/0/cameras.bin"}, "sfm_data.json"},
+      {{"colmap/cameras.bin", "old/cameras.bin"}, "colmap/cameras.bin"},
+      {{"images/transforms.json", "old/cameras.bin"}, "images/transforms.json"},
+      {{"old/cameras.bin"}, "old/cameras.bin"},
+      {{"cameras.txt"}, ""},
+      {{"distorted/sparse/0/cameras.bin", "images_2/transforms.json"}, ""},
+      {{"sfm_data.json", "cameras.xml"}, kTwice},
+      {{"old/cameras.bin", "new/cameras.bin"}, kTwice},
+  };
+  for (const auto& [sources, used] : layouts) {
+    fs::remove_all(dir_ / "d");
+    Write("d/images/a.jpg", "x");
+    for (const std::string& source : sources) {
+      const fs::path path = fs::path("d") / source;
+      Write(path.string(), "");
+      if (path.stem() != "cameras" || path.extension() == ".xml") continue;
+      Write((path.parent_path() / "images").string() + path.extension().string(), "x");
+    }
+    for (const std::string& dir : {(dir_ / "d").string(), (dir_ / "d/").string()}) {
+      const auto capture = ScanCapture(dir, "", "", "");
+      std::string found;
+      if (!capture.ok()) {
+        found = DetailOf(capture.status()).reason();
+        EXPECT_EQ(DetailOf(capture.status()).field(), "--cameras");
+      } else if (capture->files.size() > 1) {
+        found = fs::path(capture->files[1].path).lexically_relative(dir_ / "d").string();
+      }
+      EXPECT_EQ(found, used) << sources[0];
+    }
+  }
+}
+
+TEST_F(ScanCaptureTest, SaysWhichCamerasOfADatasetAreNotUsed) {
+  Write("d/images/a.jpg", "x");
+  Write("d/transforms.json", "{}");
+  Write("d/colmap_text/cameras.txt", "x");
+  const auto capture = ScanCapture((dir_ / "d").string(), "", "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("photos: "), HasSubstr("d/transforms.json"),
+                                          "cameras that are not used: colmap_text"));
+}
+
 TEST_F(ScanCaptureTest, WhatTheUserNamesGoesBeforeWhatADatasetHolds) {
   Write("d/images/a.jpg", "x");
   Write("d/transforms.json", "{}");
@@ -240,10 +296,24 @@ TEST_F(ScanCaptureTest, RefusesMissingEmptyAndPhotolessFolders) {
                                      (dir_ / "low").string(), "?")));
 }
 
+TEST_F(ScanCaptureTest, AnInterruptEndsTheReadingOfFiles) {
+  Write("a.jpg", "x");
+  auto capture = ScanCapture(dir_.string(), "", "", "");
+  ASSERT_TRUE(capture.ok());
+  Interrupt interrupt;
+  int read = 0;
+  const auto count = [&](const LocalFile&) { ++read; };
+  EXPECT_TRUE(ContentDigest(capture->files, interrupt, count).ok());
+  EXPECT_EQ(read, 1);
+  interrupt.Raise();
+  capture->files[0].sha256.clear();
+  EXPECT_TRUE(absl::IsCancelled(ContentDigest(capture->files, interrupt, count).status()));
+}
+
 TEST_F(ScanCaptureTest, DigestsAreThoseOfTheStandard) {
   Write("abc", "abc");
   // FIPS 180-2, appendix B.1.
-  const auto digest = FileSha256((dir_ / "abc").string());
+  const auto digest = FileSha256((dir_ / "abc").string(), Interrupt());
   ASSERT_TRUE(digest.ok());
   std::string hex;
   for (const unsigned char byte : *digest) absl::StrAppend(&hex, absl::Hex(byte, absl::kZeroPad2));

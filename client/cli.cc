@@ -122,6 +122,14 @@ int ReportError(const Session& session, const absl::Status& status, const std::s
   return exit_code;
 }
 
+bool MayHaveStarted(const absl::Status& why) {
+  return MayBeTriedAgain(why) || DetailOf(why).reason().empty();
+}
+
+void NoteMayHaveStarted(const std::string& job) {
+  Note(absl::StrCat(job, " may have been started; see: litags show ", job));
+}
+
 void RemoveUnstarted(Session& session, const std::string& job, const absl::Status& why) {
   absl::Status removed = why;
   if (absl::IsCancelled(why)) {

@@ -52,7 +52,13 @@ class Session {
 // named in the commands it proposes; may be empty.
 int ReportError(const Session& session, const absl::Status& status, const std::string& job = "");
 
-// Removes a job whose start failed with `why`, and says so. It stays where no server answers.
+// Whether a start that failed with `why` may have started the job all the same: what was lost is
+// perhaps only the answer.
+bool MayHaveStarted(const absl::Status& why);
+void NoteMayHaveStarted(const std::string& job);
+
+// Removes a job that was not started because of `why`, and says so. It stays where no server
+// answers.
 void RemoveUnstarted(Session& session, const std::string& job, const absl::Status& why);
 
 // A line to stderr; on a terminal in place of the progress line that is drawn there.

@@ -18,6 +18,7 @@ int Doctor(Session& session, bool health_only, bool alive_only) {
               GOOGLE_PROTOBUF_VERSION / 1000 % 1000, GOOGLE_PROTOBUF_VERSION % 1000);
   const auto begin = std::chrono::steady_clock::now();
   const auto serving = session.client().IsServing();
+  if (absl::IsCancelled(serving.status())) return ReportError(session, serving.status());
   if (!serving.ok() && ExitCodeOf(serving.status()) == kExitUnreachable) {
     std::printf("server   %s: no answer\n", session.connection.server.c_str());
     return ReportError(session, serving.status());

@@ -204,7 +204,11 @@ int Clone(Session& session, const CloneArgs& args) {
   const auto started = session.client().StartJob(clone->name());
   if (!started.ok()) {
     const int exit_code = ReportError(session, started.status(), clone->name());
-    RemoveUnstarted(session, clone->name(), started.status());
+    if (MayHaveStarted(started.status())) {
+      NoteMayHaveStarted(clone->name());
+    } else {
+      RemoveUnstarted(session, clone->name(), started.status());
+    }
     return exit_code;
   }
   std::printf("%s\n", clone->name().c_str());

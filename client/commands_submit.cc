@@ -58,8 +58,16 @@ void NoteMasks(const Capture& capture) {
                     ": what is 0 there is not learnt"));
 }
 
-// The upload's progress: drawn anew on a terminal, else said at the end only.
-void NoteUpload(const UploadProgress& progress) {
+// Drawn anew on a terminal; elsewhere it would be a line for every photo.
+void NoteReading(const LocalFile& file) {
+  if (isatty(STDERR_FILENO) == 0) return;
+  std::fprintf(stderr, "\rreading %s\x1b[K", Printable(file.name).c_str());
+  std::fflush(stderr);
+}
+
+// The upload's progress: drawn anew on a terminal, else said at the end only. `*told` counts those
+// left out that were named: at once, since the upload may fail later.
+void NoteUpload(const UploadProgress& progress, size_t* told) {
   const std::string text =
       absl::StrCat("uploaded ", progress.files_done, "/", progress.files, " files, ",
                    BytesText(progress.bytes_done), " of ", BytesText(progress.bytes));
@@ -67,9 +75,7 @@ void NoteUpload(const UploadProgress& progress) {
   if (done && !progress.skipped.empty()) {
     Note(absl::StrCat("not used, of what is in the archive: ", ShortList(progress.skipped)));
   }
-  if (done) {
-    for (const std::string& why : progress.left_out) Note(why);
-  }
+  for (; *told < progress.left_out.size(); ++*told) Note(progress.left_out[*told]);
   if (isatty(STDERR_FILENO)) {
     std::fprintf(stderr, "\r%s\x1b[K%s", text.c_str(), done ? "\n" : "");
     std::fflush(stderr);
@@ -78,10 +84,17 @@ void NoteUpload(const UploadProgress& progress) {
   }
 }
 
-// What becomes of a job whose submission failed: one whose server is gone or busy is continued,
-// others are removed unless the user named their request.
+// What becomes of a job whose submission failed: one that may run stays, one whose server is gone
+// or busy is continued, others are removed unless the user named their request. `starting`: it was
+// the start that failed.
 void CleanUp(Session& session, const SubmitArgs& args, const std::string& request_id,
-             const std::string& job, const absl::Status& why) {
+             const std::string& job, const absl::Status& why, bool starting) {
+  if (starting && MayHaveStarted(why)) {
+    NoteMayHaveStarted(job);
+    Note(absl::StrCat("if it was not, start it with the same command",
+                      args.request_id.empty() ? " and --request-id " + request_id : ""));
+    return;
+  }
   if (!args.request_id.empty()) {
     Note(absl::StrCat(job, " is kept; the same command continues the upload"));
     return;
@@ -96,13 +109,16 @@ void CleanUp(Session& session, const SubmitArgs& args, const std::string& reques
   RemoveUnstarted(session, job, why);
 }
 
-absl::Status UploadAndStart(Session& session, const std::string& job, Capture& capture,
-                            bool strict) {
-  absl::Status status = UploadFiles(session.client(), job, capture.files, NoteUpload, strict);
+absl::Status UploadAndStart(Session& session, const std::string& job, Capture& capture, bool strict,
+                            bool* starting) {
+  size_t told = 0;
+  const auto note = [&told](const UploadProgress& progress) { NoteUpload(progress, &told); };
+  absl::Status status = UploadFiles(session.client(), job, capture.files, note, strict);
   if (!status.ok()) return status;
   const auto sent = ListAllFiles(session.client(), job);
   if (!sent.ok()) return sent.status();
   for (const std::string& line : DescribeFiles(*sent)) Note(line);
+  *starting = true;
   return session.client().StartJob(job).status();
 }
 
@@ -148,17 +164,19 @@ int Submit(Session& session, const SubmitArgs& args) {
   *request.mutable_options() = args.options;
   *request.mutable_policy() = ToProto(args.treatment);
   if (!args.webhook.empty()) SetWebhook(args, request.mutable_webhook());
-  auto digest = ContentDigest(capture->files);
+  auto digest = ContentDigest(capture->files, session.interrupt, NoteReading);
   if (!digest.ok()) return ReportError(session, digest.status());
   request.set_content_digest(*std::move(digest));
   const auto job = session.client().CreateJob(request);
   if (!job.ok()) return ReportError(session, job.status());
 
   if (job->state() == v1::JOB_STATE_UPLOADING) {
-    const absl::Status status = UploadAndStart(session, job->name(), *capture, args.strict);
+    bool starting = false;
+    const absl::Status status =
+        UploadAndStart(session, job->name(), *capture, args.strict, &starting);
     if (!status.ok()) {
       const int exit_code = ReportError(session, status, job->name());
-      CleanUp(session, args, request.request_id(), job->name(), status);
+      CleanUp(session, args, request.request_id(), job->name(), status, starting);
       return exit_code;
     }
   } else {

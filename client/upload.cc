@@ -26,9 +26,9 @@ constexpr size_t kStreamFiles = 500;
 static_assert(kChunkBytes <= v1::kMaxChunkBytes && kStreamFiles <= v1::kMaxQueryFiles);
 constexpr std::chrono::seconds kQueryPatience{60};
 
-absl::Status FillDigest(LocalFile& file) {
+absl::Status FillDigest(LocalFile& file, const Interrupt& interrupt) {
   if (!file.sha256.empty()) return absl::OkStatus();
-  auto digest = FileSha256(file.path, file.tail);
+  auto digest = FileSha256(file.path, interrupt, file.tail);
   if (!digest.ok()) return digest.status();
   file.sha256 = *std::move(digest);
   return absl::OkStatus();
@@ -211,7 +211,8 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
     }
     Batch batch(client, job, absl::MakeConstSpan(files).subspan(first, last - first));
     for (size_t i = first; i < last; ++i) {
-      if (const absl::Status status = FillDigest(files[i]); !status.ok()) return status;
+      const absl::Status status = FillDigest(files[i], client.interrupt());
+      if (!status.ok()) return status;
     }
     const absl::Status status =
         client.Retry([&](bool* progressed) { return batch.Send(progressed); });
@@ -229,12 +230,14 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::string> ContentDigest(std::vector<LocalFile>& files) {
+absl::StatusOr<std::string> ContentDigest(std::vector<LocalFile>& files, const Interrupt& interrupt,
+                                          absl::FunctionRef<void(const LocalFile&)> on_file) {
   const std::unique_ptr<EVP_MD_CTX, void (*)(EVP_MD_CTX*)> context(EVP_MD_CTX_new(),
                                                                    EVP_MD_CTX_free);
   EVP_DigestInit_ex(context.get(), EVP_sha256(), nullptr);
   for (LocalFile& file : files) {
-    if (const absl::Status status = FillDigest(file); !status.ok()) return status;
+    on_file(file);
+    if (const absl::Status status = FillDigest(file, interrupt); !status.ok()) return status;
     // Names hold no line breaks, so that no two captures give the same text.
     const std::string line = absl::StrCat(static_cast<int>(file.role), "/", file.name, "\n");
     EVP_DigestUpdate(context.get(), line.data(), line.size());

@@ -35,8 +35,10 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
                          bool strict = false);
 
 // A digest over roles, names and contents of all files, for CreateJobRequest.content_digest; fills
-// in their own digests. INVALID_ARGUMENT (FILE_UNREADABLE).
-absl::StatusOr<std::string> ContentDigest(std::vector<LocalFile>& files);
+// in their own digests. `on_file` is told each before it is read. The Python package makes the same
+// (files.py). INVALID_ARGUMENT (FILE_UNREADABLE); CANCELLED soon after `interrupt` was raised.
+absl::StatusOr<std::string> ContentDigest(std::vector<LocalFile>& files, const Interrupt& interrupt,
+                                          absl::FunctionRef<void(const LocalFile&)> on_file);
 
 }  // namespace litags::client
 

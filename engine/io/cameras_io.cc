@@ -37,7 +37,7 @@ bool IsColmapModel(const fs::path& dir) {
 }
 
 // How many images a COLMAP model says that it has: the number that images.bin begins with, else the
-// lines of images.txt that end in a name. client/capture.cc has the same rule.
+// lines of images.txt that end in a name. client/cameras_source.cc has the same rule.
 uint64_t ImagesOf(const fs::path& dir) {
   uint64_t count = 0;
   std::ifstream binary(dir / "images.bin", std::ios::binary);
