@@ -91,28 +91,31 @@ bool DecodeComponent(JpegCoefficients* jpeg, int c, float shift, ComponentPlane*
   return true;
 }
 
+// JFIF: full-range BT.601.
+std::array<float, 3> RgbOf(float luma, float cb, float cr) {
+  return {luma + 1.402f * cr, luma - 0.344136f * cb - 0.714136f * cr, luma + 1.772f * cb};
+}
+
 // Ink of CMYK, 0..1. YCCK's first three are what YCbCr has for the light that C, M and Y leave.
 void ToInk(const std::vector<std::vector<float>>& rows, bool ycck, bool inverted, float* ink) {
   constexpr float kScale = 1.0f / kPhotoWhite;
   for (size_t x = 0; x < rows[0].size(); ++x, ink += 4) {
     for (int c = 0; c < 4; ++c) ink[c] = rows[c][x] * kScale;
     if (ycck) {
-      const float luma = ink[0], cb = ink[1], cr = ink[2];
-      ink[0] = 1 - (luma + 1.402f * cr);
-      ink[1] = 1 - (luma - 0.344136f * cb - 0.714136f * cr);
-      ink[2] = 1 - (luma + 1.772f * cb);
+      const std::array<float, 3> light = RgbOf(ink[0], ink[1], ink[2]);
+      for (int c = 0; c < 3; ++c) ink[c] = 1 - light[c];
     }
     for (int c = 0; c < 4; ++c) ink[c] = std::clamp(inverted ? 1 - ink[c] : ink[c], 0.0f, 1.0f);
   }
 }
 
-// JFIF: full-range BT.601.
-void YCbCrToRgb(const std::vector<std::vector<float>>& rows, int16_t* out) {
+void ConvertRow(const std::vector<std::vector<float>>& rows, int16_t* out) {
   const float *luma = rows[0].data(), *cb = rows[1].data(), *cr = rows[2].data();
   for (size_t x = 0; x < rows[0].size(); ++x) {
-    out[3 * x] = NearestSample(luma[x] + 1.402f * cr[x]);
-    out[3 * x + 1] = NearestSample(luma[x] - 0.344136f * cb[x] - 0.714136f * cr[x]);
-    out[3 * x + 2] = NearestSample(luma[x] + 1.772f * cb[x]);
+    const auto [red, green, blue] = RgbOf(luma[x], cb[x], cr[x]);
+    out[3 * x] = NearestSample(red);
+    out[3 * x + 1] = NearestSample(green);
+    out[3 * x + 2] = NearestSample(blue);
   }
 }
 
@@ -189,7 +192,7 @@ absl::StatusOr<Photo> DecodeJpeg(std::string_view bytes, const ImageInfo& info,
   LITAGS_RETURN_IF_ERROR(rows.Decode(&jpeg, ycc, info, field));
   Photo photo(info.width, info.height);
   for (int y = 0; y < info.height; ++y) {
-    (ycc ? YCbCrToRgb : CopyRgb)(rows.Row(y), photo.pixel(0, y));
+    (ycc ? ConvertRow : CopyRgb)(rows.Row(y), photo.pixel(0, y));
   }
   if (!icc.empty()) ColorSpace::FromIccOrSrgb(icc, n).Convert(&photo);
   return photo;
