@@ -1,5 +1,4 @@
-// Inside this module: the table of the photo formats that are read. One row and one file of code
-// per format.
+// The table of the photo formats that are read. One row and one file of code per format.
 #ifndef LITAGS_ENGINE_IO_PHOTO_FORMAT_H_
 #define LITAGS_ENGINE_IO_PHOTO_FORMAT_H_
 

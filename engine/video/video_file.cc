@@ -19,6 +19,7 @@ extern "C" {
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/io/image_io.h"
+#include "engine/io/photo_format.h"
 #include "engine/video/ffmpeg.h"
 #include "engine/video/frame_picture.h"
 #include "engine/video/video_color.h"
@@ -373,12 +374,7 @@ bool IsVideo(std::string_view bytes) {
   const auto at = [&](size_t i, std::string_view what) {
     return bytes.size() > i && bytes.substr(i).starts_with(what);
   };
-  if (at(4, "ftyp")) {
-    for (const char* photo : {"heic", "heix", "mif1", "msf1", "avif", "avis", "crx "}) {
-      if (at(8, photo)) return false;
-    }
-    return true;
-  }
+  if (at(4, "ftyp")) return FindPhotoFormat(bytes) == nullptr;
   constexpr size_t kPacket = 188, kPacketOfDisks = 192;  // MPEG-TS
   return at(4, "moov") || at(4, "mdat") || at(4, "wide") || at(4, "free") || at(4, "skip") ||
          at(0, "\x1A\x45\xDF\xA3") || (at(0, "RIFF") && at(8, "AVI ")) ||

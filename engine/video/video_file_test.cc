@@ -211,10 +211,9 @@ TEST(VideoFile, WhatLiesBelowBlackStays) {
 TEST(BadVideo, WhatIsNoVideoIsRefused) {
   EXPECT_EQ(Reason(StatusOf("")), "VIDEO_NOT_RECOGNIZED");
   EXPECT_EQ(Reason(StatusOf("#EXTM3U\nhttp://example.com/a.ts\n")), "VIDEO_NOT_RECOGNIZED");
-  EXPECT_FALSE(
-      IsVideo(std::string("\0\0\0\x18"
-                          "ftypheic",
-                          12)));
+  for (const char* photo : {"heic", "hevx", "mif2", "crx "}) {
+    EXPECT_FALSE(IsVideo(std::string("\0\0\0\x18", 4) + "ftyp" + photo)) << photo;
+  }
   EXPECT_EQ(Reason(StatusOf(std::string("\0\0\0\x18"
                                         "ftypmp42",
                                         12))),
