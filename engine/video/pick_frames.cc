@@ -75,7 +75,12 @@ absl::StatusOr<PickedFrames> PickFrames(std::string_view bytes, const std::strin
   for (const int wanted : chosen) {
     while (frame < wanted) {
       LITAGS_ASSIGN_OR_RETURN(const bool more, video->Next());
-      if (!more) return report;  // cannot be: decoding is repeatable
+      if (!more) {
+        return InvalidInput("VIDEO_CORRUPT", field,
+                            absl::StrCat(field,
+                                         ": has fewer frames when it is read again; save it "
+                                         "anew with another program"));
+      }
       ++frame;
     }
     LITAGS_ASSIGN_OR_RETURN(std::string png, EncodePng16(video->Picture(), video->info().bits));
