@@ -6,6 +6,8 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
+#include "engine/io/io_error.h"
+
 namespace litags {
 namespace {
 
@@ -44,8 +46,15 @@ struct Chromaticity {
   double x, y;
 };
 
+using Primaries = std::array<Chromaticity, 3>;
+
+constexpr Primaries kBt709 = {{{.64, .33}, {.30, .60}, {.15, .06}}},
+                    kP3 = {{{.68, .32}, {.265, .69}, {.15, .06}}},
+                    kBt2020 = {{{.708, .292}, {.17, .797}, {.131, .046}}},
+                    kAdobe = {{{.64, .33}, {.21, .71}, {.15, .06}}};
+
 // Columns are the XYZ of primaries whose sum is the white of D65.
-cv::Matx33d XyzOf(const std::array<Chromaticity, 3>& primaries) {
+cv::Matx33d XyzOf(const Primaries& primaries) {
   const auto xyz = [](const Chromaticity& c) {
     return cv::Vec3d(c.x / c.y, 1, (1 - c.x - c.y) / c.y);
   };
@@ -64,6 +73,17 @@ std::array<std::array<float, 3>, 3> ToRows(const cv::Matx33d& m) {
     for (int j = 0; j < 3; ++j) rows[i][j] = static_cast<float>(m(i, j));
   }
   return rows;
+}
+
+// To light of sRGB's primaries.
+std::array<std::array<float, 3>, 3> MatrixOf(const Primaries& primaries) {
+  return ToRows(XyzOf(kBt709).inv() * XyzOf(primaries));
+}
+
+// ITU-R BT.2100: the inverse of the curve that a camera has.
+double LinearFromHlg(double code) {
+  constexpr double kA = 0.17883277, kB = 0.28466892, kC = 0.55991073;
+  return code <= 0.5 ? code * code / 3 : (std::exp((code - kC) / kA) + kB) / 12;
 }
 
 cmsColorSpaceSignature SignatureOf(int channels) {
@@ -85,16 +105,16 @@ std::shared_ptr<void> MakeTransform(cmsHPROFILE profile, int channels) {
 
 }  // namespace
 
-// `light` is asked for codes of 0 to 1. Below black the curve is mirrored, so that the mean of
-// noise stays; above white it goes on as a line.
+// `light` is asked for codes of 0 to `most`, above which the curve goes on as a line. Below black
+// it is mirrored, so that the mean of noise stays.
 std::shared_ptr<const ColorSpace::Curve> ColorSpace::MakeCurve(
-    const std::function<double(double)>& light) {
+    const std::function<double(double)>& light, double most) {
   auto curve = std::make_shared<Curve>(kCurveSize);
-  const double white = light(1), slope = (white - light(1 - 1.0 / 64)) * 64;
+  const double end = light(most), slope = (end - light(most - 1.0 / 64)) * 64;
   const int zero = kCurveSize / 2;
   for (int i = 0; i <= zero; ++i) {
     const double code = double(i) / kPhotoWhite;
-    const double value = code <= 1 ? light(code) : white + slope * (code - 1);
+    const double value = code <= most ? light(code) : end + slope * (code - most);
     (*curve)[zero + i] = static_cast<float>(value);
     (*curve)[zero - i] = static_cast<float>(-value);
   }
@@ -111,6 +131,12 @@ ColorSpace ColorSpace::Srgb(int channels) {
 ColorSpace ColorSpace::Gamma(double exponent, int channels) {
   ColorSpace space(channels);
   space.curves_.fill(MakeCurve([&](double code) { return std::pow(code, exponent); }));
+  return space;
+}
+
+ColorSpace ColorSpace::AdobeRgb() {
+  ColorSpace space = Gamma(563 / 256.0, 3);
+  space.matrix_ = MatrixOf(kAdobe);
   return space;
 }
 
@@ -152,10 +178,8 @@ ColorSpace ColorSpace::FromIccOrSrgb(std::string_view icc, int channels) {
   return space.has_value() ? *std::move(space) : Srgb(channels);
 }
 
-std::optional<ColorSpace> ColorSpace::FromCodePoints(int primaries, int transfer) {
-  constexpr std::array<Chromaticity, 3> kBt709 = {{{.64, .33}, {.30, .60}, {.15, .06}}},
-                                        kP3 = {{{.68, .32}, {.265, .69}, {.15, .06}}},
-                                        kBt2020 = {{{.708, .292}, {.17, .797}, {.131, .046}}};
+absl::StatusOr<ColorSpace> ColorSpace::FromCodePoints(int primaries, int transfer,
+                                                      std::string_view field) {
   ColorSpace space(3);
   switch (transfer) {
     case 1:
@@ -172,11 +196,19 @@ std::optional<ColorSpace> ColorSpace::FromCodePoints(int primaries, int transfer
     case 8:
       space.curves_.fill(MakeCurve([](double code) { return code; }));
       break;
+    case 16:
+      return InvalidField("IMAGE_UNSUPPORTED", field,
+                          "a picture for HDR screens (PQ); save it in standard range");
+    case 18:
+      space.curves_.fill(MakeCurve(LinearFromHlg, 2));
+      break;
     default:
-      return std::nullopt;
+      return InvalidField("IMAGE_UNSUPPORTED", field,
+                          absl::StrCat("a picture of transfer characteristics ", transfer,
+                                       " (ITU-T H.273); save it as sRGB"));
   }
   const bool p3 = primaries == 12, bt2020 = primaries == 9;
-  if (p3 || bt2020) space.matrix_ = ToRows(XyzOf(kBt709).inv() * XyzOf(p3 ? kP3 : kBt2020));
+  if (p3 || bt2020) space.matrix_ = MatrixOf(p3 ? kP3 : kBt2020);
   space.is_srgb_ = space.IsNearlySrgb();
   return space;
 }

@@ -1,4 +1,4 @@
-// Inside this module: from the colours of a file to sRGB, which Photo has.
+// From the colours of a photo or a video to sRGB, which Photo has.
 #ifndef LITAGS_ENGINE_IO_COLOR_SPACE_H_
 #define LITAGS_ENGINE_IO_COLOR_SPACE_H_
 
@@ -11,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "engine/core/photo.h"
 
 namespace litags {
@@ -23,12 +24,16 @@ class ColorSpace {
   static ColorSpace Srgb(int channels);
   // Codes are light to the power 1 / `exponent` (1: light itself), with sRGB's primaries.
   static ColorSpace Gamma(double exponent, int channels);
+  // Of RGB.
+  static ColorSpace AdobeRgb();
   // As an ICC profile says; 4 channels are CMYK. nullopt: it is broken, or for other pixels.
   static std::optional<ColorSpace> FromIcc(std::string_view icc, int channels);
   // The same, and sRGB where there is no use in the profile.
   static ColorSpace FromIccOrSrgb(std::string_view icc, int channels);
-  // RGB by the code points of ITU-T H.273. nullopt: not known, or of a picture for HDR screens.
-  static std::optional<ColorSpace> FromCodePoints(int primaries, int transfer);
+  // RGB by the code points of ITU-T H.273; of HLG the light of the scene, 1: the brightest that it
+  // has. IMAGE_UNSUPPORTED: the curve is not known, or is PQ's.
+  static absl::StatusOr<ColorSpace> FromCodePoints(int primaries, int transfer,
+                                                   std::string_view field);
 
   int channels() const { return channels_; }
 
@@ -45,7 +50,8 @@ class ColorSpace {
   explicit ColorSpace(int channels) : channels_(channels) {}
   // True if it changes no sample by more than rounding does.
   bool IsNearlySrgb() const;
-  static std::shared_ptr<const Curve> MakeCurve(const std::function<double(double)>& light);
+  static std::shared_ptr<const Curve> MakeCurve(const std::function<double(double)>& light,
+                                                double most = 1);
 
   int channels_;
   bool is_srgb_ = false;

@@ -69,6 +69,19 @@ inline std::string IsoBlock(int iso, int tag, uint32_t larger) {
          Big32(0);
 }
 
+// A TIFF block with a camera directory: colours that it does not name, and an index of
+// interoperability of three letters.
+inline std::string InteroperabilityBlock(const std::string& index) {
+  const auto entry = [](int tag, int type, uint32_t count, uint32_t value) {
+    return Big32(uint32_t(tag) << 16 | type) + Big32(count) + Big32(value);
+  };
+  const uint32_t camera = 26, interoperability = camera + 2 + 2 * 12 + 4;
+  return std::string("MM\0\x2A\0\0\0\x08\0\1", 10) + entry(0x8769, 4, 1, camera) + Big32(0) +
+         std::string("\0\2", 2) + entry(0xA001, 3, 1, 0xFFFF0000) +
+         entry(0xA005, 4, 1, interoperability) + Big32(0) + std::string("\0\1", 2) +
+         Big32(1 << 16 | 2) + Big32(4) + index + '\0' + Big32(0);
+}
+
 // A TIFF block that holds an orientation and nothing else.
 inline std::string ExifBlock(int orientation, bool little) {
   const auto n = [&](int value, int size) {

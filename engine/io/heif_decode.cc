@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cstring>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -136,8 +135,8 @@ struct HeifFile {
     return CodePoints(points);
   }
 
-  // As the file says, else as the stream does. nullopt: of a picture for HDR screens.
-  std::optional<ColorSpace> Colors(const YCbCrKind& stream) const {
+  // As the file says, else as the stream does.
+  absl::StatusOr<ColorSpace> Colors(const YCbCrKind& stream, std::string_view field) const {
     const size_t size = heif_image_handle_get_raw_color_profile_size(handle.get());
     if (size > 0 && size <= kMaxProfileBytes) {
       std::string icc(size, '\0');
@@ -145,8 +144,11 @@ struct HeifFile {
       return ColorSpace::FromIccOrSrgb(icc, 3);
     }
     const CodePoints points = Points();
-    if (points == nullptr) return ColorSpace::FromCodePoints(stream.primaries, stream.transfer);
-    return ColorSpace::FromCodePoints(points->color_primaries, points->transfer_characteristics);
+    if (points == nullptr) {
+      return ColorSpace::FromCodePoints(stream.primaries, stream.transfer, field);
+    }
+    return ColorSpace::FromCodePoints(points->color_primaries, points->transfer_characteristics,
+                                      field);
   }
 
   // How what was coded becomes RGB: as the file says, else as the stream does.
@@ -192,11 +194,7 @@ absl::StatusOr<Photo> DecodeHeif(std::string_view bytes, const ImageInfo& info,
   const Picture picture(decoded);
   if (error.code != heif_error_Ok) return ErrorOf(error, field);
   const CodedPictures coded = TakeCodedPictures();
-  const std::optional<ColorSpace> space = file.Colors(coded.kind);
-  if (!space.has_value()) {
-    return InvalidField("IMAGE_UNSUPPORTED", field,
-                        "a picture for HDR screens (PQ or HLG); save it in standard range");
-  }
+  LITAGS_ASSIGN_OR_RETURN(const ColorSpace space, file.Colors(coded.kind, field));
   const auto stored = static_cast<uint64_t>(heif_image_handle_get_ispe_width(file.handle.get())) *
                       static_cast<uint64_t>(heif_image_handle_get_ispe_height(file.handle.get()));
   if (coded.pixels < stored) {
@@ -220,7 +218,7 @@ absl::StatusOr<Photo> DecodeHeif(std::string_view bytes, const ImageInfo& info,
   for (int y = 0; y < info.height; ++y) {
     rows.Row(y, luma.data(), cb.data(), cr.data());
     conversion.Convert(luma.data(), cb.data(), cr.data(), width, rgb.data());
-    space->Convert(rgb.data(), width, photo.pixel(0, y));
+    space.Convert(rgb.data(), width, photo.pixel(0, y));
   }
   return photo;
 }

@@ -169,6 +169,22 @@ ExifLens ReadExifLens(const TiffReader& reader, size_t directory) {
   return lens;
 }
 
+// Calls visit(marker, content) for the segments of a JPEG before its first scan.
+template <class Visit>
+void ForSegments(std::string_view bytes, const Visit& visit) {
+  constexpr uint8_t kStartOfScan = 0xDA;
+  ByteReader reader(bytes);
+  reader.Skip(2);  // SOI
+  uint8_t marker = 0;
+  while (ReadMarker(&reader, &marker) && marker != kStartOfScan) {
+    if (IsBareMarker(marker)) continue;
+    uint16_t length = 0;
+    std::string_view segment;
+    if (!reader.ReadBig(&length) || length < 2 || !reader.ReadBytes(length - 2u, &segment)) return;
+    visit(marker, segment);
+  }
+}
+
 // 0: not said.
 uint32_t ReadIso(const TiffReader& reader, size_t directory) {
   constexpr uint16_t kIso = 0x8827, kStandardOutput = 0x8831, kRecommended = 0x8832,
@@ -338,23 +354,34 @@ bool LacksJpegEnd(std::string_view bytes) {
 
 std::string JpegProfile(std::string_view bytes) {
   constexpr std::string_view kPrefix("ICC_PROFILE\0", 12);
-  constexpr uint8_t kStartOfScan = 0xDA, kApp2 = 0xE2;
+  constexpr uint8_t kApp2 = 0xE2;
   std::array<std::string_view, 256> parts = {};  // by their number, from 1 on
-  ByteReader reader(bytes);
-  reader.Skip(2);  // SOI
-  uint8_t marker = 0, number = 0;
-  while (ReadMarker(&reader, &marker) && marker != kStartOfScan) {
-    if (IsBareMarker(marker)) continue;
-    uint16_t length = 0;
-    std::string_view segment;
-    if (!reader.ReadBig(&length) || length < 2 || !reader.ReadBytes(length - 2u, &segment)) break;
-    if (marker != kApp2 || !segment.starts_with(kPrefix)) continue;
+  ForSegments(bytes, [&](uint8_t marker, std::string_view segment) {
+    if (marker != kApp2 || !segment.starts_with(kPrefix)) return;
+    uint8_t number = 0;
     ByteReader part(segment.substr(kPrefix.size()));
     if (part.Read(&number) && part.Skip(1)) parts[number] = segment.substr(kPrefix.size() + 2);
-  }
+  });
   std::string profile;
   for (const std::string_view part : parts) profile += part;
   return profile;
+}
+
+bool IsAdobeRgbByExif(std::string_view bytes) {
+  constexpr uint16_t kCameraDirectory = 0x8769, kColorSpace = 0xA001, kUncalibrated = 0xFFFF,
+                     kInteroperability = 0xA005, kIndex = 1;
+  constexpr uint8_t kApp1 = 0xE1;
+  bool is_adobe = false;
+  ForSegments(bytes, [&](uint8_t marker, std::string_view segment) {
+    if (marker != kApp1 || !segment.starts_with(kExifPrefix)) return;
+    const TiffReader reader(segment.substr(kExifPrefix.size()));
+    const size_t camera = reader.FindDirectory(reader.FirstDirectory(), kCameraDirectory);
+    const size_t space = reader.Find(camera, kColorSpace, TiffReader::kShort);
+    const size_t interoperability = reader.FindDirectory(camera, kInteroperability);
+    is_adobe |= reader.Get<uint16_t>(space) == kUncalibrated &&
+                reader.GetText(interoperability, kIndex) == "R03";
+  });
+  return is_adobe;
 }
 
 PngColors ReadPngColors(std::string_view bytes) {
@@ -372,6 +399,8 @@ PngColors ReadPngColors(std::string_view bytes) {
     } else if (chunk.type == "gAMA") {
       uint32_t gamma = 0;
       if (ByteReader(chunk.data).ReadBig(&gamma)) colors.gamma = gamma / 1e5;
+    } else if (chunk.type == "cICP") {
+      colors.code_points = chunk.data;
     } else if (chunk.type == "sRGB") {
       colors.is_srgb = true;
     } else if (chunk.type == "pCAL") {

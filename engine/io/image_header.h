@@ -28,12 +28,17 @@ bool LacksJpegEnd(std::string_view bytes);
 // The ICC profile of a JPEG, put together from its segments; empty without one.
 std::string JpegProfile(std::string_view bytes);
 
+// Whether a JPEG's EXIF says that it is in Adobe RGB: what cameras write instead of a profile
+// (DCF).
+bool IsAdobeRgbByExif(std::string_view bytes);
+
 // What a PNG says about its colours.
 struct PngColors {
   bool is_grey = false;
   bool has_alpha = false;  // a channel, or one colour or entries of the palette
   bool is_srgb = false;
-  double gamma = 0;  // exponent from light to codes; 0: not said
+  std::string_view code_points;  // cICP; empty without it
+  double gamma = 0;              // exponent from light to codes; 0: not said
   // What code 0 stands for where white, the largest, is 1. Below 0 in what EncodePng16 wrote of a
   // photo with samples below black.
   double least = 0;

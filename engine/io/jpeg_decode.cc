@@ -194,7 +194,11 @@ absl::StatusOr<Photo> DecodeJpeg(std::string_view bytes, const ImageInfo& info,
   for (int y = 0; y < info.height; ++y) {
     (ycc ? ConvertRow : CopyRgb)(rows.Row(y), photo.pixel(0, y));
   }
-  if (!icc.empty()) ColorSpace::FromIccOrSrgb(icc, n).Convert(&photo);
+  if (!icc.empty()) {
+    ColorSpace::FromIccOrSrgb(icc, n).Convert(&photo);
+  } else if (IsAdobeRgbByExif(bytes)) {
+    ColorSpace::AdobeRgb().Convert(&photo);
+  }
   return photo;
 }
 

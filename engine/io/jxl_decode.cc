@@ -18,6 +18,7 @@ namespace {
 constexpr std::string_view kStream = "\xFF\x0A";
 constexpr std::string_view kContainer("\0\0\0\x0CJXL \r\n\x87\n", 12);
 constexpr uint32_t kMaxExtraChannels = 4;
+constexpr JxlColorProfileTarget kPixels = JXL_COLOR_PROFILE_TARGET_DATA;
 
 struct Destroyer {
   void operator()(JxlDecoder* decoder) const { JxlDecoderDestroy(decoder); }
@@ -89,7 +90,6 @@ absl::StatusOr<ImageInfo> ReadJxlInfo(std::string_view bytes, std::string_view f
 
 std::string ProfileOf(JxlDecoder* decoder) {
   size_t size = 0;
-  constexpr JxlColorProfileTarget kPixels = JXL_COLOR_PROFILE_TARGET_DATA;
   if (JxlDecoderGetICCProfileSize(decoder, nullptr, kPixels, &size) != JXL_DEC_SUCCESS ||
       size > kMaxProfileBytes) {
     return "";
@@ -100,13 +100,27 @@ std::string ProfileOf(JxlDecoder* decoder) {
   return icc;
 }
 
+// By the file's profile, for `channels`. PQ and HLG by their code points, for RGB: libjxl's profile
+// of them has the light of a screen.
+absl::StatusOr<ColorSpace> ColorsOf(JxlDecoder* decoder, int channels, std::string_view field) {
+  JxlColorEncoding colors;
+  if (JxlDecoderGetColorAsEncodedProfile(decoder, nullptr, kPixels, &colors) != JXL_DEC_SUCCESS ||
+      (colors.transfer_function != JXL_TRANSFER_FUNCTION_PQ &&
+       colors.transfer_function != JXL_TRANSFER_FUNCTION_HLG)) {
+    return ColorSpace::FromIccOrSrgb(ProfileOf(decoder), channels);
+  }
+  constexpr int kP3 = 12;  // with the white of D65, in ITU-T H.273
+  const int primaries = colors.primaries == JXL_PRIMARIES_P3 ? kP3 : colors.primaries;
+  return ColorSpace::FromCodePoints(primaries, colors.transfer_function, field);
+}
+
 absl::StatusOr<Photo> DecodeJxl(std::string_view bytes, const ImageInfo& info,
                                 std::string_view field) {
   const Decoder decoder =
       Open(bytes, JXL_DEC_BASIC_INFO | JXL_DEC_COLOR_ENCODING | JXL_DEC_FULL_IMAGE);
   JxlPixelFormat format = {3, JXL_TYPE_FLOAT, JXL_NATIVE_ENDIAN, 0};
   std::vector<float> codes;
-  std::string icc;
+  ColorSpace space = ColorSpace::Srgb(3);
   while (true) {
     const JxlDecoderStatus status = JxlDecoderProcessInput(decoder.get());
     if (status == JXL_DEC_FULL_IMAGE) break;
@@ -114,8 +128,10 @@ absl::StatusOr<Photo> DecodeJxl(std::string_view bytes, const ImageInfo& info,
       JxlBasicInfo basic;
       JxlDecoderGetBasicInfo(decoder.get(), &basic);
       format.num_channels = basic.num_color_channels == 1 ? 1 : 3;
+      space = ColorSpace::Srgb(static_cast<int>(format.num_channels));
     } else if (status == JXL_DEC_COLOR_ENCODING) {
-      icc = ProfileOf(decoder.get());
+      LITAGS_ASSIGN_OR_RETURN(space, ColorsOf(decoder.get(), space.channels(), field));
+      format.num_channels = space.channels();
     } else if (status == JXL_DEC_NEED_IMAGE_OUT_BUFFER) {
       size_t size = 0;
       codes.resize(size_t{format.num_channels} * info.width * info.height);
@@ -129,8 +145,6 @@ absl::StatusOr<Photo> DecodeJxl(std::string_view bytes, const ImageInfo& info,
       return ErrorOf(status, field);
     }
   }
-  const int channels = static_cast<int>(format.num_channels);
-  const ColorSpace space = ColorSpace::FromIccOrSrgb(icc, channels);
   Photo photo(info.width, info.height);
   space.Convert(codes.data(), photo.pixels(), photo.data.data());
   return photo;

@@ -8,6 +8,7 @@
 #include "engine/io/dng.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/png_codes.h"
 #include "engine/io/test_util.h"
 #include "engine/io/testing_formats.h"
 #include "engine/io/testing_jpeg.h"
@@ -193,6 +194,29 @@ TEST(Webp, IsTurnedUpright) {
   }
 }
 
+TEST(Jxl, ForHdrScreensIsRefused) {
+  constexpr int kPq = 16;
+  const absl::Status status = DecodePhoto(EncodeTestJxl(Ramp(), 16, {}, 0, kPq), "f").status();
+  EXPECT_EQ(Reason(status), "IMAGE_UNSUPPORTED");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("PQ"));
+}
+
+TEST(Jxl, OfHlgIsTheLightOfTheScene) {
+  constexpr int kHlg = 18;
+  constexpr uint16_t kCode = 257 * 180;
+  // ITU-R BT.2100.
+  const double light = (std::exp((180 / 255.0 - 0.55991073) / 0.17883277) + 0.28466892) / 12;
+  for (const int channels : {1, 3}) {
+    DeepImage image = Ramp(channels);
+    std::fill(image.codes.begin(), image.codes.end(), kCode);
+    const auto photo = DecodePhoto(EncodeTestJxl(image, 16, {}, 0, kHlg), "f");
+    ASSERT_TRUE(photo.ok()) << photo.status();
+    for (int c = 0; c < 3; ++c) {
+      EXPECT_NEAR(Mean(*photo, c), kPhotoWhite * SrgbFromLinear(light), 3) << channels;
+    }
+  }
+}
+
 TEST(Tiff, EveryLayoutGivesTheSame) {
   const DeepImage image = Ramp();
   const Photo want = DecodePhoto(EncodeTestTiff(image, {.bits = 16}), "").value();
@@ -332,6 +356,38 @@ TEST(Profiles, AreReadFromJpegAndPng) {
                g = std::pow(EncodedOf(plain.data[i + 1]), 2.2);
   EXPECT_NEAR(light(*wide, 0), 1.3983 * r - 0.3983 * g, 0.003);
   EXPECT_NEAR(light(*wide, 1), g, 0.003);
+}
+
+// Cameras that are set to it write no profile.
+TEST(Profiles, AdobeRgbIsToldByExif) {
+  const std::string jpeg = EncodeJpeg(TestImage(16, 16)).value();
+  const std::string icc = MakeTestProfile(TestProfile::kAdobeRgb);
+  const Photo want = DecodePhoto(WithJpegProfile(jpeg, icc), "f").value();
+  const auto photo = DecodePhoto(WithJpegExif(jpeg, InteroperabilityBlock("R03")), "f");
+  ASSERT_TRUE(photo.ok()) << photo.status();
+  for (size_t i = 0; i < want.data.size(); ++i) {
+    ASSERT_NEAR(photo->data[i], want.data[i], 0.5 * kPhotoCode);
+  }
+  const auto srgb = DecodePhoto(WithJpegExif(jpeg, InteroperabilityBlock("R98")), "f");
+  EXPECT_EQ(srgb->data, DecodePhoto(jpeg, "f")->data);
+}
+
+TEST(Profiles, CodePointsOfAPngAreFollowed) {
+  ImageU8 red(16, 8);
+  for (size_t i = 0; i < red.data.size(); i += 3) red.data[i] = 255;
+  const std::string png = EncodePng(red).value();
+  const auto with = [&](const char* points) {
+    return DecodePhoto(WithPngChunk(png, "cICP", std::string(points, 4)), "f");
+  };
+  const auto p3 = with("\x0C\x0D\0\1");
+  ASSERT_TRUE(p3.ok()) << p3.status();
+  EXPECT_NEAR(Mean(*p3, 0), PhotoSample(1.0931f), 8 * kPhotoCode);
+  EXPECT_NEAR(Mean(*p3, 1), PhotoSample(-0.0420f * 12.92f), 8 * kPhotoCode);
+  EXPECT_NEAR(Mean(*p3, 2), PhotoSample(-0.0196f * 12.92f), 8 * kPhotoCode);
+  EXPECT_EQ(with("\1\x0D\0\1")->data, DecodePhoto(png, "f")->data);
+  for (const char* refused : {"\x09\x10\0\1", "\1\1\0\0"}) {  // PQ, limited range
+    EXPECT_EQ(Reason(with(refused).status()), "IMAGE_UNSUPPORTED");
+  }
 }
 
 TEST(Raw, IsLightWithTheCamerasWhiteBalance) {

@@ -29,8 +29,16 @@ std::string Inflate(std::string_view deflated) {
   return "";
 }
 
-ColorSpace ColorSpaceOf(const PngColors& colors) {
-  constexpr double kUsual = 1 / 2.2;  // is written for sRGB
+absl::StatusOr<ColorSpace> ColorSpaceOf(const PngColors& colors, std::string_view field) {
+  constexpr double kUsual = 1 / 2.2;     // is written for sRGB
+  if (colors.code_points.size() == 4) {  // primaries, curve, matrix (none), full range
+    const auto number = [&](int i) { return static_cast<uint8_t>(colors.code_points[i]); };
+    if (number(3) == 0) {
+      return InvalidField("IMAGE_UNSUPPORTED", field,
+                          "a PNG of limited range; save it with full range");
+    }
+    return ColorSpace::FromCodePoints(number(0), number(1), field);
+  }
   if (!colors.deflated_profile.empty()) {
     const std::string icc = Inflate(colors.deflated_profile);
     const std::optional<ColorSpace> space = ColorSpace::FromIcc(icc, colors.is_grey ? 1 : 3);
@@ -44,7 +52,7 @@ ColorSpace ColorSpaceOf(const PngColors& colors) {
 absl::StatusOr<Photo> DecodePng(std::string_view bytes, const ImageInfo& info,
                                 std::string_view field) {
   const PngColors colors = ReadPngColors(bytes);
-  const ColorSpace space = ColorSpaceOf(colors);
+  LITAGS_ASSIGN_OR_RETURN(const ColorSpace space, ColorSpaceOf(colors, field));
   const auto least = static_cast<float>(colors.least);
   Photo photo(info.width, info.height);
   const int n = space.channels();

@@ -347,7 +347,8 @@ std::string EncodeTestHeif(const TestYCbCr& picture, const HeifLayout& layout,
   return bytes;
 }
 
-std::string EncodeTestJxl(const DeepImage& image, int bits, const Extras& extras, int depths) {
+std::string EncodeTestJxl(const DeepImage& image, int bits, const Extras& extras, int depths,
+                          int transfer) {
   const std::unique_ptr<JxlEncoder, void (*)(JxlEncoder*)> encoder(JxlEncoderCreate(nullptr),
                                                                    JxlEncoderDestroy);
   JxlBasicInfo info;
@@ -368,9 +369,10 @@ std::string EncodeTestJxl(const DeepImage& image, int bits, const Extras& extras
   }
   LITAGS_CHECK(JxlEncoderSetBasicInfo(encoder.get(), &info) == JXL_ENC_SUCCESS);
   if (extras.icc.empty()) {
-    JxlColorEncoding srgb;
-    JxlColorEncodingSetToSRGB(&srgb, image.channels == 1);
-    JxlEncoderSetColorEncoding(encoder.get(), &srgb);
+    JxlColorEncoding colors;
+    JxlColorEncodingSetToSRGB(&colors, image.channels == 1);
+    colors.transfer_function = static_cast<JxlTransferFunction>(transfer);
+    LITAGS_CHECK(JxlEncoderSetColorEncoding(encoder.get(), &colors) == JXL_ENC_SUCCESS);
   } else {
     JxlEncoderSetICCProfile(encoder.get(), reinterpret_cast<const uint8_t*>(extras.icc.data()),
                             extras.icc.size());

@@ -76,8 +76,9 @@ std::string EncodeTestHeif(const TestYCbCr& picture, const HeifLayout& layout,
                            const Extras& extras = {});
 
 // Lossless; bits: 8 or 16. `depths`: channels of depth beside the colours, which are black.
+// `transfer`: a code point of ITU-T H.273, sRGB's, where there is no profile.
 std::string EncodeTestJxl(const DeepImage& image, int bits, const Extras& extras = {},
-                          int depths = 0);
+                          int depths = 0, int transfer = 13);
 
 // An ICC profile made by lcms2. kLinear, kDisplayP3, kAdobeRgb: RGB; kGreyLinear; kCmyk: paper is
 // white, each ink takes away its colour.

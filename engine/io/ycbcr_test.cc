@@ -138,6 +138,28 @@ TEST(HeifYCbCr, ForHdrScreensIsRefusedByWhatItsStreamSays) {
   }
 }
 
+// Of AV1: libde265 does not tell a stream's HLG. Limited range goes on above white.
+TEST(HeifYCbCr, OfHlgIsTheLightOfTheScene) {
+  constexpr int kHlg = 18;
+  for (const int code : {600, 2008, 2800, 3760, 4000}) {
+    TestYCbCr picture{.width = 34, .height = 22, .bits = 12, .transfer = kHlg, .full_range = false};
+    for (int c = 0; c < 3; ++c) {
+      picture.codes[c].assign(size_t(picture.width_of(c)) * picture.height_of(c),
+                              static_cast<uint16_t>(c == 0 ? code : 2048));
+    }
+    const auto photo = DecodePhoto(EncodeTestHeif(picture, {.av1 = true}), "f");
+    ASSERT_TRUE(photo.ok()) << photo.status();
+    // ITU-R BT.2100.
+    const double signal = (code - 256) / 3504.0;
+    const double light = signal <= 0.5
+                             ? signal * signal / 3
+                             : (std::exp((signal - 0.55991073) / 0.17883277) + 0.28466892) / 12;
+    for (int c = 0; c < 3; ++c) {
+      EXPECT_NEAR(photo->pixel(17, 11)[c], kPhotoWhite * SrgbFromLinear(light), 3) << code;
+    }
+  }
+}
+
 TEST(HeifYCbCr, IsTurnedAsItsPropertiesSay) {
   const TestYCbCr picture = Waves(34, 22, {});
   const Photo upright = DecodePhoto(EncodeTestHeif(picture, {}), "f").value();
