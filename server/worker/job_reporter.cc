@@ -93,7 +93,7 @@ void JobReporter::OnLine(std::string_view line) {
 }
 
 void JobReporter::Log(std::string text) {
-  const int64_t now_ms = SystemClockMs();
+  const int64_t now_ms = context_.store->NowMs();
   // In the order in which it was said.
   if (!lines_.empty()) {
     log_.push_back({0, now_ms, LogSeverity::kInfo, std::exchange(lines_, "")});

@@ -279,6 +279,25 @@ TEST_F(JobRunnerTest, LastProgressIsWrittenAlsoWhenTheStoreWasAwayAtTheEnd) {
   EXPECT_EQ(last_iteration(), 2);
 }
 
+TEST_F(JobRunnerTest, AllEntriesOfALogHaveTheTimesOfTheStoresClock) {
+  class HourAhead : public ClientJobStore {
+   public:
+    explicit HourAhead(JobStore* store) : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+    int64_t NowMs() override { return ClientJobStore::NowMs() + 3'600'000; }
+  };
+  HourAhead store(store_.get());
+  Leases leases(store_.get(), &blobs_, {}, StoreClock(&store));
+  context_.store = &store;
+  context_.leases = &leases;
+  const std::string id = QueuedJob();
+  EXPECT_TRUE(RunJob(**leases.Acquire("w1"), context_, options_, CancelToken()).ok());
+  ASSERT_EQ(jobs_.Get(id)->state, JobState::kSucceeded) << jobs_.Get(id)->error;
+  const std::vector<LogEntry> log = *store_->Log(id, 0, 99);
+  for (size_t i = 1; i < log.size(); ++i) {
+    EXPECT_GE(log[i].time_ms, log[i - 1].time_ms) << log[i].text;
+  }
+}
+
 TEST_F(JobRunnerTest, MemoryIsLimitedWhileTheJobStoreIsAway) {
   // Away until the engine has stopped.
   class AwayStore : public ClientJobStore {
