@@ -18,7 +18,7 @@ await step("a file that cannot be made says why", async () => {
   await page.locator(".stages li").first().waitFor();
   for (const [path, name] of [[/\/model\?/, "Download"], [/\/report$/, "Report"]]) {
     await page.route(path, (route) => route.fulfill({status: 400, json: {code: 9, message: `no ${name} today`}}));
-    await page.getByRole("link", {name}).click();
+    await page.getByRole("link", {name}).press("Enter");  // pictures that come move it from under a mouse
     await said(`no ${name} today`);
     await page.getByRole("link", {name, exact: true}).waitFor();
   }
