@@ -1,3 +1,4 @@
+// The number that a request has in the log, and that its answer tells.
 #ifndef LITAGS_SERVER_AUTH_REQUEST_ID_H_
 #define LITAGS_SERVER_AUTH_REQUEST_ID_H_
 

@@ -22,6 +22,7 @@
 
 #include "absl/strings/ascii.h"
 #include "engine/core/check.h"
+#include "server/auth/request_id.h"
 #include "server/net/shared_room.h"
 #include "server/web/api.h"
 #include "server/web/connection.h"
@@ -133,9 +134,11 @@ void CheckHeader(std::string_view name, std::string_view value) {
                                                "x-content-type-options",
                                                "cross-origin-resource-policy",
                                                "x-frame-options",
-                                               "content-security-policy"};
+                                               "content-security-policy",
+                                               "x-request-id"};
   LITAGS_CHECK(kNames.contains(absl::AsciiStrToLower(std::string(name))));
   if (name == "Set-Cookie") LITAGS_CHECK(value.starts_with("litags_token"));
+  if (name == kRequestIdHeader) LITAGS_CHECK(RequestIdOf(value) == value);
 }
 
 // The first answer; where the others begin depends on the requests' methods. `has_body`: it is not
