@@ -133,64 +133,6 @@ TEST_F(ManageApi, ALongListIsReadInPagesWhateverTheFilter) {
   EXPECT_EQ(Listed(request).size(), 450u);
 }
 
-TEST_F(ManageApi, APageOfManyLabelsIsOneThatClientsTake) {
-  litags::NewJob job;
-  for (int i = 0; i < 64; ++i) {
-    const std::string key = absl::StrCat("k", i);
-    job.labels[key + std::string(63 - key.size(), 'k')] = std::string(63, 'v');
-  }
-  constexpr size_t kJobs = 600;
-  std::set<std::string> made, listed;
-  for (size_t i = 0; i < kJobs; ++i) {
-    made.insert(absl::StrCat("jobs/", jobs_.Create(job)->id));
-  }
-  v1::ListJobsRequest request;
-  request.set_page_size(1000);
-  size_t bytes = 0;
-  do {
-    v1::ListJobsResponse page;
-    const grpc::Status status = Call(&v1::ReconstructionService::Stub::ListJobs, request, &page);
-    ASSERT_TRUE(status.ok()) << status.error_message();
-    for (const v1::Job& one : page.jobs()) EXPECT_TRUE(listed.insert(one.name()).second);
-    EXPECT_LT(page.ByteSizeLong(), 2'200'000u);
-    bytes += page.ByteSizeLong();
-    request.set_page_token(page.next_page_token());
-  } while (!request.page_token().empty());
-  EXPECT_EQ(listed, made);
-  EXPECT_GT(bytes, 4u << 20);  // or one page would do
-}
-
-TEST_F(ManageApi, APageOfManyFilesIsOneThatClientsTake) {
-  const std::string name = NewJob();
-  constexpr size_t kFiles = 9000;
-  const auto add = [](JobTransaction& transaction) -> absl::Status {
-    for (size_t i = 0; i < kFiles; ++i) {
-      const std::string number = absl::StrCat(i);
-      LITAGS_RETURN_IF_ERROR(
-          transaction.PutFile({number + std::string(240 - number.size(), 'x') + ".png",
-                               FileRole::kPhoto, 5, std::string(64, 'a'), 64, 48}));
-    }
-    return absl::OkStatus();
-  };
-  ASSERT_TRUE(store_->Update(name.substr(5), add).ok());
-  v1::ListFilesRequest request;
-  request.set_name(name);
-  request.set_page_size(10000);
-  std::set<std::string> listed;
-  size_t bytes = 0;
-  do {
-    v1::ListFilesResponse page;
-    const grpc::Status status = Call(&v1::ReconstructionService::Stub::ListFiles, request, &page);
-    ASSERT_TRUE(status.ok()) << status.error_message();
-    for (const v1::JobFile& file : page.files()) EXPECT_TRUE(listed.insert(file.name()).second);
-    EXPECT_LT(page.ByteSizeLong(), 2'200'000u);
-    bytes += page.ByteSizeLong();
-    request.set_page_token(page.next_page_token());
-  } while (!request.page_token().empty());
-  EXPECT_EQ(listed.size(), kFiles);
-  EXPECT_GT(bytes, 2'200'000u);
-}
-
 TEST_F(ManageApi, WhatNoListTakesIsRefused) {
   Named("a", {});
   Named("b", {});

@@ -1,15 +1,86 @@
-// Lists that nobody reads, held back as only a client can that is written for it.
+// Lists of many entries: in pages that every client takes, and where nobody reads them, held back
+// as only a client can that is written for it.
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <set>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/eventually.h"
 
 namespace litags {
 namespace {
+
+// A job of 8 KB.
+litags::NewJob WithManyLabels() {
+  litags::NewJob job;
+  for (int i = 0; i < 64; ++i) {
+    const std::string key = absl::StrCat("k", i);
+    job.labels[key + std::string(63 - key.size(), 'k')] = std::string(63, 'v');
+  }
+  return job;
+}
+
+using ListPages = ApiTest;
+
+TEST_F(ListPages, APageOfManyLabelsIsOneThatClientsTake) {
+  const litags::NewJob job = WithManyLabels();
+  constexpr size_t kJobs = 600;
+  std::set<std::string> made, listed;
+  for (size_t i = 0; i < kJobs; ++i) {
+    made.insert(absl::StrCat("jobs/", jobs_.Create(job)->id));
+  }
+  v1::ListJobsRequest request;
+  request.set_page_size(1000);
+  size_t bytes = 0;
+  do {
+    v1::ListJobsResponse page;
+    grpc::ClientContext call;
+    const grpc::Status status = client_.jobs->ListJobs(&call, request, &page);
+    ASSERT_TRUE(status.ok()) << status.error_message();
+    for (const v1::Job& one : page.jobs()) EXPECT_TRUE(listed.insert(one.name()).second);
+    EXPECT_LT(page.ByteSizeLong(), 2'200'000u);
+    bytes += page.ByteSizeLong();
+    request.set_page_token(page.next_page_token());
+  } while (!request.page_token().empty());
+  EXPECT_EQ(listed, made);
+  EXPECT_GT(bytes, 4u << 20);  // or one page would do
+}
+
+TEST_F(ListPages, APageOfManyFilesIsOneThatClientsTake) {
+  const std::string id = jobs_.Create(litags::NewJob())->id;
+  constexpr size_t kFiles = 9000;
+  const auto add = [](JobTransaction& transaction) -> absl::Status {
+    for (size_t i = 0; i < kFiles; ++i) {
+      const std::string number = absl::StrCat(i);
+      LITAGS_RETURN_IF_ERROR(
+          transaction.PutFile({number + std::string(240 - number.size(), 'x') + ".png",
+                               FileRole::kPhoto, 5, std::string(64, 'a'), 64, 48}));
+    }
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(store_->Update(id, add).ok());
+  v1::ListFilesRequest request;
+  request.set_name(absl::StrCat("jobs/", id));
+  request.set_page_size(10000);
+  std::set<std::string> listed;
+  size_t bytes = 0;
+  do {
+    v1::ListFilesResponse page;
+    grpc::ClientContext call;
+    const grpc::Status status = client_.jobs->ListFiles(&call, request, &page);
+    ASSERT_TRUE(status.ok()) << status.error_message();
+    for (const v1::JobFile& file : page.files()) EXPECT_TRUE(listed.insert(file.name()).second);
+    EXPECT_LT(page.ByteSizeLong(), 2'200'000u);
+    bytes += page.ByteSizeLong();
+    request.set_page_token(page.next_page_token());
+  } while (!request.page_token().empty());
+  EXPECT_EQ(listed.size(), kFiles);
+  EXPECT_GT(bytes, 2'200'000u);
+}
 
 // Jobs of 8 KB each, and room for 2 MB of answers, of which one client may have half.
 class UnreadLists : public ApiTest {
@@ -17,11 +88,7 @@ class UnreadLists : public ApiTest {
   static constexpr int kJobs = 100;
 
   void SetUp() override {
-    litags::NewJob job;
-    for (int i = 0; i < 64; ++i) {
-      const std::string key = absl::StrCat("k", i);
-      job.labels[key + std::string(63 - key.size(), 'k')] = std::string(63, 'v');
-    }
+    const litags::NewJob job = WithManyLabels();
     for (int i = 0; i < kJobs; ++i) job_ = absl::StrCat("jobs/", jobs_.Create(job)->id);
     ServerOptions options = Options();
     options.listen = "127.0.0.1:0";
