@@ -103,7 +103,7 @@ std::string ProfileOf(JxlDecoder* decoder) {
 // By the file's profile, for `channels`. PQ and HLG by their code points, for RGB: libjxl's profile
 // of them has the light of a screen.
 absl::StatusOr<ColorSpace> ColorsOf(JxlDecoder* decoder, int channels, std::string_view field) {
-  JxlColorEncoding colors;
+  JxlColorEncoding colors = {};  // libjxl leaves the primaries of grey as they are
   if (JxlDecoderGetColorAsEncodedProfile(decoder, nullptr, kPixels, &colors) != JXL_DEC_SUCCESS ||
       (colors.transfer_function != JXL_TRANSFER_FUNCTION_PQ &&
        colors.transfer_function != JXL_TRANSFER_FUNCTION_HLG)) {
