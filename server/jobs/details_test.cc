@@ -9,6 +9,7 @@
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
+#include "server/jobs/sweeper.h"
 #include "server/store/digest.h"
 #include "server/testing/faulty_blob_store.h"
 #include "server/testing/temp_dir.h"
@@ -73,6 +74,7 @@ class DetailsTest : public ::testing::Test {
   int64_t now_ms_ = 1'000'000;
   Clock clock_ = [this] { return now_ms_; };
   Jobs jobs_{store_.get(), blobs_.get(), data_, clock_};
+  Sweeper sweeper_{store_.get(), blobs_.get(), &jobs_.uploads(), data_, clock_};
   Leases leases_{store_.get(), blobs_.get(), {}, clock_};
 };
 
@@ -147,7 +149,7 @@ TEST_F(DetailsTest, ACloneHasTheFilesAndStandsAlone) {
   EXPECT_EQ(jobs_.Clone(id, wanted)->id, clone->id);
   ASSERT_TRUE(jobs_.Cancel(id).ok());
   ASSERT_TRUE(jobs_.Delete(id).ok());
-  ASSERT_TRUE(jobs_.Sweep().ok());
+  ASSERT_TRUE(sweeper_.Sweep().ok());
   EXPECT_EQ(*blobs_->Get(BlobKey(clone->id, Sha256::Hex("a.jpg"))), "a.jpg");
   EXPECT_TRUE(jobs_.Start(clone->id).ok());
 }
@@ -299,7 +301,7 @@ TEST_F(DetailsTest, BytesOfRemovedFilesCountUntilTheyAreSwept) {
   ASSERT_TRUE(*jobs_.uploads().Remove(id, FileRole::kPhoto, "b.jpg"));
   EXPECT_EQ(jobs_.UsageOf("")->bytes, before);
   ASSERT_TRUE(jobs_.Cancel(id).ok());
-  ASSERT_TRUE(jobs_.Sweep().ok());
+  ASSERT_TRUE(sweeper_.Sweep().ok());
   EXPECT_FALSE(blobs_->Get(BlobKey(id, Sha256::Hex("b.jpg"))).ok());
   EXPECT_TRUE(blobs_->Get(BlobKey(id, Sha256::Hex("a.jpg"))).ok());
 }

@@ -10,6 +10,7 @@
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
+#include "server/jobs/sweeper.h"
 #include "server/store/digest.h"
 #include "server/testing/temp_dir.h"
 
@@ -89,7 +90,7 @@ class FinishedTest : public ::testing::Test {
     const auto events = *jobs_.Events(id, job.last_event - 1, 9);
     EXPECT_THAT(Decode<StateChange>(events.back().payload)->message,
                 HasSubstr("finished scene of 100 iterations stays"));
-    ASSERT_TRUE(jobs_.Sweep().ok());
+    ASSERT_TRUE(sweeper_.Sweep().ok());
     EXPECT_EQ(*blobs_->Get(BlobKey(id, finished_.blob)), "finished");
   }
 
@@ -100,6 +101,7 @@ class FinishedTest : public ::testing::Test {
   std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(data_.database());
   std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
   Jobs jobs_{store_.get(), blobs_.get(), data_, clock_};
+  Sweeper sweeper_{store_.get(), blobs_.get(), &jobs_.uploads(), data_, clock_};
   Leases leases_{store_.get(), blobs_.get(), {}, clock_};
   KeptFile finished_, half_way_;
 };
@@ -148,7 +150,7 @@ TEST_F(FinishedTest, BetterSceneTakesItsPlace) {
   const JobRecord job = *jobs_.Get(id);
   EXPECT_EQ(*Decode<KeptFiles>(job.kept), (KeptFiles{{kSceneFile, better}}));
   EXPECT_EQ(Decode<ReconstructReport>(job.report)->iterations, 200);
-  ASSERT_TRUE(jobs_.Sweep().ok());
+  ASSERT_TRUE(sweeper_.Sweep().ok());
   EXPECT_FALSE(blobs_->Get(BlobKey(id, finished_.blob)).ok());
 }
 

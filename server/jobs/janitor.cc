@@ -4,8 +4,8 @@
 
 namespace litags {
 
-Janitor::Janitor(Jobs* jobs, double interval_seconds)
-    : jobs_(jobs), thread_([this, interval_seconds] { Loop(interval_seconds); }) {}
+Janitor::Janitor(Sweeper* sweeper, double interval_seconds)
+    : sweeper_(sweeper), thread_([this, interval_seconds] { Loop(interval_seconds); }) {}
 
 Janitor::~Janitor() {
   stop_.Cancel();
@@ -14,7 +14,7 @@ Janitor::~Janitor() {
 
 void Janitor::Loop(double interval_seconds) {
   while (!stop_.IsCancelled()) {
-    const absl::Status swept = jobs_->Sweep(stop_).status();
+    const absl::Status swept = sweeper_->Sweep(stop_).status();
     if (!swept.ok()) spdlog::error("cannot tidy up: {}", swept.ToString());
     stop_.SleepFor(interval_seconds);
   }

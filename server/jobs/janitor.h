@@ -4,21 +4,21 @@
 #include <thread>
 
 #include "engine/core/cancel.h"
-#include "server/jobs/jobs.h"
+#include "server/jobs/sweeper.h"
 
 namespace litags {
 
-// A thread that sweeps, at once and then regularly; see Jobs::Sweep().
+// A thread that sweeps, at once and then regularly; see Sweeper.
 class Janitor {
  public:
-  // `jobs` must outlive this.
-  Janitor(Jobs* jobs, double interval_seconds);
+  // `sweeper` must outlive this.
+  Janitor(Sweeper* sweeper, double interval_seconds);
   ~Janitor();
 
  private:
   void Loop(double interval_seconds);
 
-  Jobs* const jobs_;
+  Sweeper* const sweeper_;
   CancelToken stop_;
   std::thread thread_;
 };

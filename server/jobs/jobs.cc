@@ -166,8 +166,8 @@ std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
     Jobs jobs;
     Owned(const Jobs& all, const ClientView& view)
         : store(all.store_, view),
-          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view, all.webhooks_,
-               all.marker_) {}
+          jobs(&store, all.blobs_, all.data_, all.clock_, all.uploads_.area(), view,
+               all.webhooks_) {}
   };
   auto owned = std::make_shared<Owned>(*this, view);
   return {owned, &owned->jobs};
@@ -333,7 +333,7 @@ absl::StatusOr<JobRecord> Jobs::Start(std::string_view id, const std::string& re
     transaction.job.start_request_id = request_id;
     return Enqueue(transaction, JobAction::kStart, "started");
   });
-  // What had come of files that are not there: nobody can complete them now. Sweep() removes the
+  // What had come of files that are not there: nobody can complete them now. A sweep removes the
   // rest, so that nobody waits for the blob store.
   if (job.ok() && !repeated) uploads_.partials().RemoveJob(id).IgnoreError();
   return job;
@@ -411,7 +411,7 @@ absl::StatusOr<JobRecord> Jobs::Cancel(std::string_view id) {
     transaction.job.has_unreferenced_blobs = true;  // files that were replaced
     return ApplyAction(transaction, JobAction::kCancel, clock_(), "cancelled on request");
   });
-  if (job.ok()) uploads_.partials().RemoveJob(id).IgnoreError();  // Sweep() removes the rest
+  if (job.ok()) uploads_.partials().RemoveJob(id).IgnoreError();  // a sweep removes the rest
   return job;
 }
 
@@ -422,7 +422,7 @@ absl::Status Jobs::Delete(std::string_view id) {
   };
   LITAGS_RETURN_IF_ERROR(store_->Update(id, change).status());
   // The job is gone, whatever its files do.
-  if (const absl::Status status = RemoveFolders(id); !status.ok()) {
+  if (const absl::Status status = uploads_.RemoveAllOf(id); !status.ok()) {
     spdlog::warn("job={} was deleted; its files are removed later: {}", id,
                  std::string(status.message()));
   }

@@ -6,9 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
-#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,7 +27,6 @@
 #include "server/jobs/webhook.h"
 #include "server/store/blob_store.h"
 #include "server/store/data_dir.h"
-#include "server/store/installation_marker.h"
 #include "server/store/job_store.h"
 
 namespace litags {
@@ -70,19 +67,12 @@ struct JobsOverview {
 // Thread-safe. Errors: those of JobStore and NextState(), and what each call says.
 class Jobs {
  public:
-  // The stores and the marker must outlive this. One per data folder; For() makes more of it.
-  // Without a clock, the store's is used. Without a marker, `blobs` is nobody else's for sure.
-  // `awake_ms`: a clock that nobody sets, and that stands still while the machine sleeps; nullptr:
-  // the other one is such a clock.
+  // The stores must outlive this. One per data folder; For() makes more of it. Without a clock, the
+  // store's is used.
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock = nullptr,
-       UploadLimits limits = {}, WebhookPolicy webhooks = {},
-       const InstallationMarker* marker = nullptr, Clock awake_ms = nullptr)
+       UploadLimits limits = {}, WebhookPolicy webhooks = {})
       : Jobs(store, blobs, data, clock ? clock : StoreClock(store),
-             std::make_shared<UploadArea>(data.uploads(), blobs, limits), {}, webhooks, marker) {
-    started_ms_ = clock_();
-    awake_ms_ = awake_ms ? std::move(awake_ms) : clock_;
-    ahead_ms_ = clock_() - awake_ms_();
-  }
+             std::make_shared<UploadArea>(data.uploads(), blobs, limits), {}, webhooks) {}
 
   // The same jobs as one client may see and change them; see ClientJobStore. Must not outlive the
   // stores.
@@ -138,12 +128,6 @@ class Jobs {
                                    const std::string& request_id = "");
   absl::Status Delete(std::string_view id);
 
-  // Removes what nobody will come back for: jobs whose time is over, and what crashes may leave:
-  // folders of deleted jobs, blobs that no job names, temporary files. Returns the ids of the jobs
-  // that expired. Where something cannot be removed, the rest is, and the first error is returned.
-  // Ends early when `stop` says so, and when a store is away.
-  absl::StatusOr<std::vector<std::string>> Sweep(const CancelToken& stop = {});
-
   absl::StatusOr<std::vector<EventRecord>> Events(std::string_view id, int64_t after, int limit) {
     return store_->Events(id, after, limit);
   }
@@ -169,44 +153,18 @@ class Jobs {
 
  private:
   Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock,
-       std::shared_ptr<UploadArea> area, ClientView view, WebhookPolicy webhooks,
-       const InstallationMarker* marker)
+       std::shared_ptr<UploadArea> area, ClientView view, WebhookPolicy webhooks)
       : store_(store),
         blobs_(blobs),
         data_(std::move(data)),
         clock_(std::move(clock)),
         uploads_(store, blobs, std::move(area), clock_, view.max_bytes),
         view_(std::move(view)),
-        webhooks_(std::move(webhooks)),
-        marker_(marker) {}
+        webhooks_(std::move(webhooks)) {}
 
   // Whether the job may be queued once more: no loop of calls makes its events grow for ever.
   absl::Status CheckProgress(std::string_view id, const std::string& request_id);
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
-  absl::Status RemoveAllExpired(const CancelToken& stop, std::vector<std::string>* expired);
-  absl::Status RemoveExpired(const std::string& id, std::vector<std::string>* expired);
-  void NoteLostTime();
-  int64_t LeastExpiry(const JobRecord& job, int64_t now_ms);
-  absl::Status RemoveFolders(std::string_view id);
-  absl::StatusOr<std::set<std::string>> JobFolders();
-  absl::StatusOr<std::set<std::string>> JobsWithoutRow(const CancelToken& stop);
-  bool OrphansAreOurs(size_t orphans);
-  absl::Status RemoveOrphans(const CancelToken& stop);
-  absl::Status RemoveOrphan(const std::string& id);
-  absl::Status RemoveEndedUploads(const CancelToken& stop);
-  absl::Status RemoveAllUnreferencedBlobs(const CancelToken& stop);
-  // By digest, and by the lease that stored them.
-  struct JobBlobs {
-    std::set<std::string> uploaded;
-    std::map<std::string, std::vector<std::string>> of_leases;
-  };
-  absl::StatusOr<JobBlobs> BlobsOf(const std::string& id);
-  absl::Status RemoveUnreferencedBlobs(const std::string& id);
-  absl::Status NoteBlobsBut(const std::set<std::string>& named, const std::string& id);
-  absl::Status RemoveUnreferencedUploads(const std::string& id, std::set<std::string> digests);
-  absl::Status MarkSwept(const std::string& id, const std::string& mark,
-                         std::set<std::string>* digests);
-  absl::StatusOr<std::set<std::string>> BlobsNamedBy(const JobRecord& job);
 
   JobStore* const store_;
   BlobStore* const blobs_;
@@ -215,16 +173,6 @@ class Jobs {
   Uploads uploads_;
   const ClientView view_;  // of all jobs: no client's, without limits
   const WebhookPolicy webhooks_;
-  const InstallationMarker* const marker_;  // of blobs_; may be null
-  // Of the jobs of all clients: when this was made, or the machine woke up.
-  int64_t started_ms_ = 0;
-  Clock awake_ms_;
-  int64_t ahead_ms_ = 0;    // clock_() of awake_ms_(), when it was looked at last
-  std::mutex sweep_mutex_;  // held for a sweep
-  // Jobs that have folders and no row: since when a server knows, without the times in which none
-  // ran. DataDir::missed() keeps it.
-  std::map<std::string, int64_t> missed_since_ms_;
-  std::optional<int64_t> orphans_seen_ms_;  // when it looked last
 };
 
 }  // namespace litags

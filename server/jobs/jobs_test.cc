@@ -243,10 +243,10 @@ TEST_F(JobsTest, JobsAreKeptAfterTheirEndAsLongAsTheirPolicySays) {
   EXPECT_EQ(jobs_.Get(lasting)->expire_time_ms, 0);
   ASSERT_TRUE(jobs_.Resume(brief).ok());  // lives again
   now_ms_ += 100'000;
-  EXPECT_TRUE(jobs_.Sweep()->empty());
+  EXPECT_TRUE(sweeper_.Sweep()->empty());
   ASSERT_TRUE(jobs_.Cancel(brief).ok());
   now_ms_ += 60'000;
-  EXPECT_THAT(*jobs_.Sweep(), ::testing::ElementsAre(brief));
+  EXPECT_THAT(*sweeper_.Sweep(), ::testing::ElementsAre(brief));
   EXPECT_FALSE(std::filesystem::exists(data_.blobs() + "/jobs/" + brief));
   EXPECT_TRUE(jobs_.Get(lasting).ok());
 }
@@ -293,10 +293,10 @@ TEST_F(JobsTest, BlobsThatNoRowNamesAreRemovedOnceTheJobHasEnded) {
   ASSERT_TRUE(leases_.WorkerDied("w1", "killed").ok());
   const Lease held = **leases_.Acquire("w2");
   const std::string late = put(held, 'c');
-  ASSERT_TRUE(jobs_.Sweep().ok());
+  ASSERT_TRUE(sweeper_.Sweep().ok());
   EXPECT_TRUE(blobs_->Get(BlobKey(id, late)).ok()) << "a running job may be about to name it";
   ASSERT_TRUE(leases_.Fail(held, absl::InternalError("x")).ok());
-  ASSERT_TRUE(jobs_.Sweep().ok());
+  ASSERT_TRUE(sweeper_.Sweep().ok());
   for (const std::string& gone : {unnamed, late}) {
     EXPECT_EQ(Reason(blobs_->Get(BlobKey(id, gone)).status()), "BLOB_NOT_FOUND");
   }
@@ -310,7 +310,7 @@ TEST_F(JobsTest, BlobsThatNoRowNamesAreRemovedOnceTheJobHasEnded) {
   EXPECT_EQ(Reason(leases_.Keep(lost, {}, {})), "LEASE_LOST");
   ASSERT_TRUE(leases_.NoteUnreferencedBlobs(lost).ok());
   EXPECT_THAT(*store_->JobsWithUnreferencedBlobs(10), ::testing::ElementsAre(id));
-  ASSERT_TRUE(jobs_.Sweep().ok());
+  ASSERT_TRUE(sweeper_.Sweep().ok());
   EXPECT_EQ(blobs_->List("jobs/" + id + "/" + std::to_string(lost.job.last_event))->size(), 2u);
 }
 

@@ -13,6 +13,7 @@
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/state_machine.h"
+#include "server/jobs/sweeper.h"
 #include "server/store/digest.h"
 #include "server/testing/temp_dir.h"
 
@@ -65,6 +66,7 @@ class JobsTest : public ::testing::Test {
   std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(data_.database());
   std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
   Jobs jobs_{store_.get(), blobs_.get(), data_, clock_};
+  Sweeper sweeper_{store_.get(), blobs_.get(), &jobs_.uploads(), data_, clock_};
   Leases leases_{store_.get(), blobs_.get(), {}, clock_};
 };
 

@@ -104,7 +104,7 @@ TEST_F(UploadRoomTest, ReplacedBytesCountAgainstTheOwnersUntilTheyAreGone) {
   EXPECT_EQ(Reason(add(id, 'z')), "BYTE_QUOTA_REACHED");
   EXPECT_EQ(alice->Get(id)->bytes, 400);  // of the job's own files
   ASSERT_TRUE(alice->Cancel(id).ok());
-  ASSERT_TRUE(jobs_->Sweep().ok());
+  ASSERT_TRUE(sweeper_->Sweep().ok());
   EXPECT_TRUE(add(alice->Create({})->id, 'z').ok());
 }
 

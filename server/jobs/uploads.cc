@@ -126,7 +126,7 @@ void Uploads::RemoveKept(std::string_view id, const std::string& kept) {
   const auto files = Decode<KeptFiles>(kept);
   if (!files.ok()) return;
   for (const auto& [name, file] : *files) {
-    // A store that is away is waited for once. Sweep() tries again, after the upload.
+    // A store that is away is waited for once. A sweep tries again, after the upload.
     if (!blobs_->Remove(BlobKey(id, file.blob)).ok()) return;
   }
 }
@@ -263,7 +263,7 @@ absl::Status Uploads::PutRow(std::string_view id, const FileRecord& file, int64_
 // A file was stored that the job does not have. At worst it goes with the job.
 void Uploads::NoteUnreferencedBlobs(std::string_view id) {
   if (!absl::IsNotFound(NoteUnreferencedBlobsOf(*store_, id))) return;
-  // Of a deleted job. Sweep() tries again.
+  // Of a deleted job. A sweep tries again.
   blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id))).IgnoreError();
 }
 
@@ -370,6 +370,19 @@ absl::StatusOr<bool> Uploads::Remove(std::string_view id, FileRole role, std::st
 absl::Status Uploads::NoteArchive(std::string_view id, FileRecord archive) {
   archive.size_bytes = 0;
   return PutRow(id, archive, 0);
+}
+
+absl::Status Uploads::RemovePartialsOf(std::string_view id) {
+  absl::Status status = partials().RemoveJob(id);
+  status.Update(partials().chunks().RemoveJob(id));
+  return status;
+}
+
+absl::Status Uploads::RemoveAllOf(std::string_view id) {
+  const absl::Status status = RemovePartialsOf(id);
+  if (absl::IsUnavailable(status)) return status;  // and would be waited for again
+  const absl::Status removed = blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id)));
+  return status.ok() ? removed : status;
 }
 
 }  // namespace litags

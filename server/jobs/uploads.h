@@ -106,6 +106,12 @@ class Uploads {
   // Notes that an archive was unpacked, so that it need not come again; of itself nothing is kept.
   absl::Status NoteArchive(std::string_view id, FileRecord archive);
 
+  // Removes the job's files that are on their way, chunks in the blob store too.
+  absl::Status RemovePartialsOf(std::string_view id);
+
+  // Removes every byte of a job that is deleted.
+  absl::Status RemoveAllOf(std::string_view id);
+
   // When a job that now got a file, and is not started, may be removed.
   int64_t Expiry() const { return clock_() + static_cast<int64_t>(1000 * limits().keep_seconds); }
 

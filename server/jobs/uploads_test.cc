@@ -239,6 +239,7 @@ TEST_F(UploadsTest, AnotherServerGoesOnAtTheLastChunk) {
   TempDir elsewhere;
   const DataDir other_data = *DataDir::Open(elsewhere.path());
   Jobs other(store_.get(), blobs_.get(), other_data, clock_, limits);
+  Sweeper sweeper(store_.get(), blobs_.get(), &other.uploads(), other_data, clock_);
   EXPECT_EQ((*other.uploads().Query(id, {file}))[0].offset, 8);
   EXPECT_EQ(Reason(other.uploads().Open(id, file, 11).status()), "OFFSET_INVALID");
   auto there = other.uploads().Open(id, file, 8);
@@ -257,7 +258,7 @@ TEST_F(UploadsTest, AnotherServerGoesOnAtTheLastChunk) {
   // What the other one still has goes when the job does not take files any more.
   ASSERT_TRUE((*there)->Append("ef").ok());
   ASSERT_TRUE(jobs_->Cancel(id).ok());
-  ASSERT_TRUE(other.Sweep().ok());
+  ASSERT_TRUE(sweeper.Sweep().ok());
   EXPECT_TRUE(blobs_->List("uploads")->empty());
   EXPECT_TRUE(fs::is_empty(other_data.uploads()));
 }
@@ -301,6 +302,7 @@ TEST_F(UploadsTest, NobodyWaitsForTheBlobStoreToStartOrCancelAJob) {
   limits.chunk_bytes = 4;
   CountingBlobStore blobs(blobs_.get());
   Jobs jobs(store_.get(), &blobs, data_, clock_, limits);
+  Sweeper sweeper(store_.get(), &blobs, &jobs.uploads(), data_, clock_);
   const auto job_with_chunks = [&] {
     const std::string id = NewJob();
     for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) EXPECT_TRUE(Add(id, name, name).ok());
@@ -315,7 +317,7 @@ TEST_F(UploadsTest, NobodyWaitsForTheBlobStoreToStartOrCancelAJob) {
   EXPECT_TRUE(jobs.Cancel(cancelled).ok());
   EXPECT_EQ(blobs.calls, 0);
   EXPECT_TRUE(fs::is_empty(data_.uploads()));
-  ASSERT_TRUE(jobs.Sweep().ok());
+  ASSERT_TRUE(sweeper.Sweep().ok());
   EXPECT_TRUE(blobs_->List("uploads")->empty());
 }
 
@@ -328,7 +330,7 @@ TEST_F(UploadsTest, ChunksOfNoJobAreCollectedAndSmallFilesHaveNone) {
   ASSERT_TRUE((*uploads().Open(id, Photo("a.jpg", "012"), 0))->Append("01").ok());
   EXPECT_TRUE(blobs_->List("uploads")->empty());
   ASSERT_TRUE(blobs_->Put("uploads/0123456789abcdef/aa/0-4", "lost").ok());
-  ASSERT_TRUE(jobs_->Sweep().ok());
+  ASSERT_TRUE(sweeper_->Sweep().ok());
   EXPECT_FALSE(blobs_->Get("uploads/0123456789abcdef/aa/0-4").ok());
 }
 
@@ -359,10 +361,10 @@ TEST_F(UploadsTest, ReplacedBytesStayWhileAnotherServerMayComeToNameThemAndGoAft
   const std::string id = NewJob();
   ASSERT_TRUE(Add(id, "a.jpg", "first").ok());
   ASSERT_TRUE(Add(id, "a.jpg", "other one").ok());
-  ASSERT_TRUE(jobs_->Sweep().ok());
+  ASSERT_TRUE(sweeper_->Sweep().ok());
   EXPECT_EQ(*blobs_->Get(BlobKey(id, Sha256::Hex("first"))), "first");
   ASSERT_TRUE(jobs_->Cancel(id).ok());
-  ASSERT_TRUE(jobs_->Sweep().ok());
+  ASSERT_TRUE(sweeper_->Sweep().ok());
   EXPECT_EQ(BytesOnDisk(), 9);
   EXPECT_EQ(*blobs_->Get(BlobKey(id, Sha256::Hex("other one"))), "other one");
   EXPECT_TRUE(store_->JobsWithUnreferencedBlobs(10)->empty());
@@ -419,9 +421,9 @@ TEST_F(UploadsTest, DiskUseAfterManyBrokenUploadsReturnsToZero) {
   }
   EXPECT_GT(BytesOnDisk(), 0);
   now_ms_ += 23 * 3600 * 1000;
-  EXPECT_EQ(jobs_->Sweep()->size(), 0u);
+  EXPECT_EQ(sweeper_->Sweep()->size(), 0u);
   now_ms_ += 2 * 3600 * 1000;
-  EXPECT_EQ(jobs_->Sweep()->size(), 20u);
+  EXPECT_EQ(sweeper_->Sweep()->size(), 20u);
   EXPECT_EQ(BytesOnDisk(), 0);
   EXPECT_TRUE(fs::is_empty(data_.uploads()));
   EXPECT_TRUE(jobs_->List(0, "", 100)->empty());
@@ -437,12 +439,12 @@ TEST_F(UploadsTest, SignsOfLifeKeepAnUploadAndAStartedJobNeverExpires) {
   for (int hour = 0; hour < 40; ++hour) {
     now_ms_ += 3600 * 1000;
     ASSERT_TRUE(uploads().Check(alive).ok());
-    ASSERT_EQ(jobs_->Sweep()->size(), 0u);
+    ASSERT_EQ(sweeper_->Sweep()->size(), 0u);
   }
   stream.reset();  // the stream has ended; nothing had come for 40 hours
-  EXPECT_THAT(*jobs_->Sweep(), ::testing::ElementsAre(open));
+  EXPECT_THAT(*sweeper_->Sweep(), ::testing::ElementsAre(open));
   now_ms_ += int64_t{1000} * 3600 * 1000;
-  EXPECT_THAT(*jobs_->Sweep(), ::testing::ElementsAre(alive));
+  EXPECT_THAT(*sweeper_->Sweep(), ::testing::ElementsAre(alive));
   EXPECT_EQ(jobs_->Get(started)->state, JobState::kQueued);
 }
 
@@ -457,7 +459,7 @@ TEST_F(UploadsTest, FilesThatBelongToNoJobAreCollectedAndStrangersAreLeftAlone) 
   std::ofstream(data_.uploads() + "/" + lost + "/file") << "bytes";
   fs::create_directories(data_.uploads() + "/lost+found");
   std::ofstream(data_.tmp() + "/unpack-1") << "half of it";  // of a server that was killed
-  ASSERT_TRUE(jobs_->Sweep().ok());
+  ASSERT_TRUE(sweeper_->Sweep().ok());
   EXPECT_EQ(BytesOnDisk(), 0);
   EXPECT_TRUE(fs::exists(data_.uploads() + "/lost+found"));
 }
@@ -466,7 +468,7 @@ TEST_F(UploadsTest, OrphansOfTodayAreKeptForTheOperator) {
   const std::string lost = "0123456789abcdef";
   ASSERT_TRUE(blobs_->Put(BlobKey(lost, std::string(64, 'a')), "photo").ok());
   std::ofstream(data_.blobs() + "/tmp/put-1") << "half";
-  ASSERT_TRUE(jobs_->Sweep().ok());
+  ASSERT_TRUE(sweeper_->Sweep().ok());
   EXPECT_EQ(BytesOnDisk(), 5 + 4);
 }
 

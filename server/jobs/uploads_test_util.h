@@ -10,6 +10,7 @@
 #include <string>
 
 #include "server/jobs/jobs.h"
+#include "server/jobs/sweeper.h"
 #include "server/jobs/uploads.h"
 #include "server/store/digest.h"
 #include "server/testing/temp_dir.h"
@@ -27,12 +28,14 @@ class UploadsTest : public ::testing::Test {
 
   // As a server does that starts again on the same data.
   void Restart(UploadLimits limits) {
+    sweeper_.reset();
     jobs_.reset();
     blobs_.reset();
     store_.reset();
     store_ = *OpenSqliteJobStore(data_.database());
     blobs_ = *OpenDiskBlobStore(data_.blobs());
     jobs_ = std::make_unique<Jobs>(store_.get(), blobs_.get(), data_, clock_, limits);
+    sweeper_ = std::make_unique<Sweeper>(store_.get(), blobs_.get(), &uploads(), data_, clock_);
   }
 
   Uploads& uploads() { return jobs_->uploads(); }
@@ -73,6 +76,7 @@ class UploadsTest : public ::testing::Test {
   std::unique_ptr<JobStore> store_;
   std::unique_ptr<BlobStore> blobs_;
   std::unique_ptr<Jobs> jobs_;
+  std::unique_ptr<Sweeper> sweeper_;
 };
 
 }  // namespace litags

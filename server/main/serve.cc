@@ -24,6 +24,7 @@
 #include "server/jobs/janitor.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
+#include "server/jobs/sweeper.h"
 #include "server/main/preflight.h"
 #include "server/main/serve_web.h"
 #include "server/metrics/metrics_server.h"
@@ -199,7 +200,9 @@ absl::Status Serve(ServerFlags flags, const std::string& worker_program, Engine*
   UploadLimits uploads = flags.uploads;
   if (!flags.places.blobs.empty()) uploads.chunk_bytes = kUploadChunkBytes;  // maybe shared
   Jobs jobs(stores.jobs.get(), stores.blobs.get(), stores.data, StoreClock(stores.jobs.get()),
-            uploads, flags.webhooks, stores.marker.get(), AwakeClockMs);
+            uploads, flags.webhooks);
+  Sweeper sweeper(stores.jobs.get(), stores.blobs.get(), &jobs.uploads(), stores.data,
+                  StoreClock(stores.jobs.get()), stores.marker.get(), AwakeClockMs);
   Leases leases(stores.jobs.get(), stores.blobs.get());
   const auto reader = MakeRemoteReader({"/proc/self/exe", kReadFilesCommand});
   ServerOptions options = flags.server;
@@ -212,7 +215,7 @@ absl::Status Serve(ServerFlags flags, const std::string& worker_program, Engine*
   auto health = std::make_unique<HealthMonitor>(
       &jobs, flags.places.LocalFolders(stores.data), [&] { return supervisor.AllFailing(); },
       server.get());
-  const Janitor janitor(&jobs, flags.sweep_seconds);
+  const Janitor janitor(&sweeper, flags.sweep_seconds);
   const auto webhooks = SendWebhooks(flags, stores.jobs.get());
   LITAGS_ASSIGN_OR_RETURN(const auto web, Announce(flags, stores.data, server.get()));
   std::atomic<bool> deaf = false;

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
 #include "server/jobs/jobs.h"
+#include "server/jobs/sweeper.h"
 #include "server/store/digest.h"
 #include "server/store/open_stores.h"
 #include "server/testing/eventually.h"
@@ -132,8 +133,10 @@ TEST_F(Installation, OrphansStayWhileTheMarkerIsNotOursAlone) {
   const InstallationMarker marker(id_, places_.blobs, blobs_.get());
   UploadLimits limits;
   limits.keep_seconds = 0;
-  Jobs jobs(ours_.get(), blobs_.get(), *DataDir::Open(dir_ / "data"), nullptr, limits, {}, &marker);
-  const auto stays = [&] { return jobs.Sweep().ok() && blobs_->Get(key).ok(); };
+  const DataDir data = *DataDir::Open(dir_ / "data");
+  Jobs jobs(ours_.get(), blobs_.get(), data, nullptr, limits);
+  Sweeper sweeper(ours_.get(), blobs_.get(), &jobs.uploads(), data, nullptr, &marker);
+  const auto stays = [&] { return sweeper.Sweep().ok() && blobs_->Get(key).ok(); };
   EXPECT_EQ(Reason(marker.Check()), "BLOBS_NOT_MARKED");
   EXPECT_TRUE(stays());
   Mark(kOther);
@@ -143,7 +146,7 @@ TEST_F(Installation, OrphansStayWhileTheMarkerIsNotOursAlone) {
   EXPECT_TRUE(stays());
   Unmark(kOther);
   EXPECT_TRUE(marker.Check().ok());
-  ASSERT_TRUE(jobs.Sweep().ok());
+  ASSERT_TRUE(sweeper.Sweep().ok());
   EXPECT_EQ(Reason(blobs_->Get(key).status()), "BLOB_NOT_FOUND");
 }
 

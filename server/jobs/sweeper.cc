@@ -1,4 +1,5 @@
-// What a service that runs for years must throw away: Jobs::Sweep().
+#include "server/jobs/sweeper.h"
+
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
@@ -13,7 +14,6 @@
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "server/jobs/codec.h"
-#include "server/jobs/jobs.h"
 #include "server/jobs/state_machine.h"
 #include "server/jobs/sweep_mark.h"
 #include "server/jobs/transition.h"
@@ -63,13 +63,6 @@ absl::Status SweptByAnother(std::string_view id) {
   return absl::AbortedError(absl::StrCat("jobs/", std::string(id), " changes"));
 }
 
-// Files on their way, in chunks, too.
-absl::Status RemovePartials(PartialFiles& partials, std::string_view id) {
-  absl::Status status = partials.RemoveJob(id);
-  status.Update(partials.chunks().RemoveJob(id));
-  return status;
-}
-
 // A line "ID MILLISECONDS" for each job that is missed. What cannot be read or was written in part
 // is forgotten: files are kept the longer for it.
 std::map<std::string, int64_t> ReadMissed(const std::string& path) {
@@ -97,15 +90,20 @@ bool WaitsForWebhook(const JobRecord& job, int64_t now_ms) {
 
 }  // namespace
 
-absl::Status Jobs::RemoveFolders(std::string_view id) {
-  const absl::Status status = RemovePartials(uploads_.partials(), id);
-  if (absl::IsUnavailable(status)) return status;  // and would be waited for again
-  const absl::Status removed = blobs_->RemoveFolder(absl::StrCat("jobs/", std::string(id)));
-  return status.ok() ? removed : status;
-}
+Sweeper::Sweeper(JobStore* store, BlobStore* blobs, Uploads* uploads, DataDir data, Clock clock,
+                 const InstallationMarker* marker, Clock awake_ms)
+    : store_(store),
+      blobs_(blobs),
+      uploads_(uploads),
+      data_(std::move(data)),
+      clock_(clock ? std::move(clock) : StoreClock(store)),
+      awake_ms_(awake_ms ? std::move(awake_ms) : clock_),
+      marker_(marker),
+      started_ms_(clock_()),
+      ahead_ms_(started_ms_ - awake_ms_()) {}
 
 // The machine slept, or the clock was set. Waking up is a start; no server ran meanwhile.
-void Jobs::NoteLostTime() {
+void Sweeper::NoteLostTime() {
   const int64_t now_ms = clock_(), ahead_ms = now_ms - awake_ms_();
   const int64_t lost_ms = ahead_ms - std::exchange(ahead_ms_, ahead_ms);
   if (std::abs(lost_ms) <= kLostMs) return;
@@ -116,16 +114,16 @@ void Jobs::NoteLostTime() {
 }
 
 // Before that a job is not removed, whatever its row says.
-int64_t Jobs::LeastExpiry(const JobRecord& job, int64_t now_ms) {
+int64_t Sweeper::LeastExpiry(const JobRecord& job, int64_t now_ms) {
   if (WaitsForWebhook(job, now_ms)) return std::max(job.webhook_due_ms, now_ms) + kAfterAttemptMs;
   if (job.state != JobState::kUploading) return 0;
   const int64_t there_since_ms = std::max(started_ms_, store_->ReachableSinceMs());
   return there_since_ms +
-         static_cast<int64_t>(1000 * kKeptAfterStart * uploads_.limits().keep_seconds);
+         static_cast<int64_t>(1000 * kKeptAfterStart * uploads_->limits().keep_seconds);
 }
 
-absl::Status Jobs::RemoveExpired(const std::string& id, std::vector<std::string>* expired) {
-  if (uploads_.partials().InUse(id)) return absl::OkStatus();
+absl::Status Sweeper::RemoveExpired(const std::string& id, std::vector<std::string>* expired) {
+  if (uploads_->partials().InUse(id)) return absl::OkStatus();
   bool removed = false;
   const auto change = [&](JobTransaction& job) -> absl::Status {
     // A sign of life may have come since the list was made.
@@ -143,14 +141,14 @@ absl::Status Jobs::RemoveExpired(const std::string& id, std::vector<std::string>
   if (!removed) return absl::OkStatus();
   spdlog::info("job={} expired and was removed", id);
   expired->push_back(id);
-  return RemoveFolders(id);
+  return uploads_->RemoveAllOf(id);
 }
 
 // Names of the folders of jobs, in the blob store and of files on their way.
-absl::StatusOr<std::set<std::string>> Jobs::JobFolders() {
+absl::StatusOr<std::set<std::string>> Sweeper::JobFolders() {
   LITAGS_ASSIGN_OR_RETURN(const auto partials, ListFolder(data_.uploads()));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, blobs_->List("jobs"));
-  LITAGS_ASSIGN_OR_RETURN(const auto chunks, uploads_.partials().chunks().Jobs());
+  LITAGS_ASSIGN_OR_RETURN(const auto chunks, uploads_->partials().chunks().Jobs());
   std::set<std::string> names(blobs.begin(), blobs.end());
   names.insert(chunks.begin(), chunks.end());
   for (const FolderEntry& entry : partials) names.insert(entry.name);
@@ -160,7 +158,7 @@ absl::StatusOr<std::set<std::string>> Jobs::JobFolders() {
 
 // Whether no other installation can own what is not in our job store. A server looked when it
 // started; the marker may have changed since.
-bool Jobs::OrphansAreOurs(size_t orphans) {
+bool Sweeper::OrphansAreOurs(size_t orphans) {
   if (!marker_ || orphans == 0) return true;
   const absl::Status ours = marker_->Check();
   if (ours.ok()) return true;
@@ -173,9 +171,9 @@ bool Jobs::OrphansAreOurs(size_t orphans) {
 // row was lost, as with the wrong job store or an old copy of it. The delay, from the moment at
 // which the row was first missed, is the operator's time to bring the row back. Only time in which
 // a server runs, and says so, counts.
-absl::Status Jobs::RemoveOrphans(const CancelToken& stop) {
+absl::Status Sweeper::RemoveOrphans(const CancelToken& stop) {
   const int64_t now_ms = clock_();
-  const double keep_seconds = uploads_.limits().keep_seconds;
+  const double keep_seconds = uploads_->limits().keep_seconds;
   const int64_t pause_ms = static_cast<int64_t>(1000 * keep_seconds / kLooksForOrphans);
   const auto& seen_ms = orphans_seen_ms_;
   if (seen_ms && *seen_ms <= now_ms && now_ms < *seen_ms + pause_ms) return absl::OkStatus();
@@ -214,7 +212,7 @@ absl::Status Jobs::RemoveOrphans(const CancelToken& stop) {
 
 // Jobs that have folders. Rows are read by the page: one by one, each of them would cost the store
 // a transaction.
-absl::StatusOr<std::set<std::string>> Jobs::JobsWithoutRow(const CancelToken& stop) {
+absl::StatusOr<std::set<std::string>> Sweeper::JobsWithoutRow(const CancelToken& stop) {
   LITAGS_ASSIGN_OR_RETURN(std::set<std::string> folders, JobFolders());
   int64_t after_ms = 0;
   std::string after_id;
@@ -229,37 +227,37 @@ absl::StatusOr<std::set<std::string>> Jobs::JobsWithoutRow(const CancelToken& st
   return folders;
 }
 
-absl::Status Jobs::RemoveOrphan(const std::string& id) {
+absl::Status Sweeper::RemoveOrphan(const std::string& id) {
   const absl::Status row = store_->Get(id).status();
   if (!absl::IsNotFound(row)) return row;  // it is back
   LITAGS_ASSIGN_OR_RETURN(const double blob_seconds,
                           blobs_->QuietSeconds(absl::StrCat("jobs/", id)));
   LITAGS_ASSIGN_OR_RETURN(const double chunk_seconds,
-                          uploads_.partials().chunks().QuietSeconds(id));
-  if (std::min(blob_seconds, chunk_seconds) < uploads_.limits().keep_seconds) {
+                          uploads_->partials().chunks().QuietSeconds(id));
+  if (std::min(blob_seconds, chunk_seconds) < uploads_->limits().keep_seconds) {
     return absl::OkStatus();
   }
-  LITAGS_RETURN_IF_ERROR(RemoveFolders(id));
+  LITAGS_RETURN_IF_ERROR(uploads_->RemoveAllOf(id));
   spdlog::warn("job={} is not in the job store; its files were removed", id);
   return absl::OkStatus();
 }
 
 // What was on its way into jobs that do not take files any more.
-absl::Status Jobs::RemoveEndedUploads(const CancelToken& stop) {
+absl::Status Sweeper::RemoveEndedUploads(const CancelToken& stop) {
   LITAGS_ASSIGN_OR_RETURN(const auto partials, ListFolder(data_.uploads()));
-  LITAGS_ASSIGN_OR_RETURN(const auto chunks, uploads_.partials().chunks().Jobs());
+  LITAGS_ASSIGN_OR_RETURN(const auto chunks, uploads_->partials().chunks().Jobs());
   std::set<std::string> uploading(chunks.begin(), chunks.end());
   for (const FolderEntry& entry : partials) uploading.insert(entry.name);
   std::erase_if(uploading, [](const std::string& name) { return !IsJobId(name); });
   return ForEach({uploading.begin(), uploading.end()}, stop, [&](const std::string& id) {
     const auto job = store_->Get(id);
     if (!job.ok() || job->state == JobState::kUploading) return absl::OkStatus();
-    return RemovePartials(uploads_.partials(), id);
+    return uploads_->RemovePartialsOf(id);
   });
 }
 
 // What is in the job's folder of the blob store.
-absl::StatusOr<Jobs::JobBlobs> Jobs::BlobsOf(const std::string& id) {
+absl::StatusOr<Sweeper::JobBlobs> Sweeper::BlobsOf(const std::string& id) {
   const std::string folder = absl::StrCat("jobs/", id);
   LITAGS_ASSIGN_OR_RETURN(const auto names, blobs_->List(folder));
   JobBlobs blobs;
@@ -277,7 +275,7 @@ absl::StatusOr<Jobs::JobBlobs> Jobs::BlobsOf(const std::string& id) {
 // lost its lease, there may be blobs that no row names. While a job takes no files and does not
 // run, nobody can come to name such a blob, since no lease stores under another one's keys: what is
 // not named now is of no use to anybody.
-absl::Status Jobs::RemoveUnreferencedBlobs(const std::string& id) {
+absl::Status Sweeper::RemoveUnreferencedBlobs(const std::string& id) {
   LITAGS_ASSIGN_OR_RETURN(const JobBlobs blobs, BlobsOf(id));
   // After the list: a job that does not run now has stored nothing since.
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
@@ -317,7 +315,7 @@ absl::Status Jobs::RemoveUnreferencedBlobs(const std::string& id) {
 // Whoever stores a blob that nothing names says so after. Who said so while others were removed is
 // heard here: the blob was there when the note of it was cleared. One that was named since is
 // noted, too, which costs a look.
-absl::Status Jobs::NoteBlobsBut(const std::set<std::string>& named, const std::string& id) {
+absl::Status Sweeper::NoteBlobsBut(const std::set<std::string>& named, const std::string& id) {
   const auto blobs = BlobsOf(id);
   if (blobs.ok()) {
     std::set<std::string> there = blobs->uploaded;
@@ -336,7 +334,8 @@ absl::Status Jobs::NoteBlobsBut(const std::set<std::string>& named, const std::s
 // A FAILED job may take files again, which may have the digest of an old one: not while the mark of
 // sweep_mark.h is there. Blobs are removed outside of transactions, since a blob store that is away
 // would stop the job store.
-absl::Status Jobs::RemoveUnreferencedUploads(const std::string& id, std::set<std::string> digests) {
+absl::Status Sweeper::RemoveUnreferencedUploads(const std::string& id,
+                                                std::set<std::string> digests) {
   const std::string mark = absl::StrCat(kSweepMark, RandomHex(8));
   absl::Status status;
   while (status.ok() && !digests.empty()) {
@@ -360,8 +359,8 @@ absl::Status Jobs::RemoveUnreferencedUploads(const std::string& id, std::set<std
 }
 
 // Leaves in `digests` those that no file of the job has, and marks the job if there are any.
-absl::Status Jobs::MarkSwept(const std::string& id, const std::string& mark,
-                             std::set<std::string>* digests) {
+absl::Status Sweeper::MarkSwept(const std::string& id, const std::string& mark,
+                                std::set<std::string>* digests) {
   const auto change = [&](JobTransaction& job) -> absl::Status {
     const bool is_others = job.job.lease_owner != mark && IsBeingSwept(job.job, clock_());
     if (is_others || !IsTerminal(job.job.state)) return SweptByAnother(id);
@@ -375,7 +374,7 @@ absl::Status Jobs::MarkSwept(const std::string& id, const std::string& mark,
   return store_->Update(id, change).status();
 }
 
-absl::StatusOr<std::set<std::string>> Jobs::BlobsNamedBy(const JobRecord& job) {
+absl::StatusOr<std::set<std::string>> Sweeper::BlobsNamedBy(const JobRecord& job) {
   std::set<std::string> named;
   LITAGS_ASSIGN_OR_RETURN(const auto files, store_->Files(job.id));
   for (const FileRecord& file : files) named.insert(file.sha256);
@@ -396,18 +395,18 @@ absl::StatusOr<std::set<std::string>> Jobs::BlobsNamedBy(const JobRecord& job) {
   return named;
 }
 
-absl::Status Jobs::RemoveAllExpired(const CancelToken& stop, std::vector<std::string>* expired) {
+absl::Status Sweeper::RemoveAllExpired(const CancelToken& stop, std::vector<std::string>* expired) {
   LITAGS_ASSIGN_OR_RETURN(const auto ids, store_->Expired(clock_(), kJobsPerSweep));
   return ForEach(ids, stop, [&](const std::string& id) { return RemoveExpired(id, expired); });
 }
 
-absl::Status Jobs::RemoveAllUnreferencedBlobs(const CancelToken& stop) {
+absl::Status Sweeper::RemoveAllUnreferencedBlobs(const CancelToken& stop) {
   LITAGS_ASSIGN_OR_RETURN(const auto ids, store_->JobsWithUnreferencedBlobs(kJobsPerSweep));
   return ForEach(ids, stop, [&](const std::string& id) { return RemoveUnreferencedBlobs(id); });
 }
 
-absl::StatusOr<std::vector<std::string>> Jobs::Sweep(const CancelToken& stop) {
-  const std::lock_guard lock(sweep_mutex_);
+absl::StatusOr<std::vector<std::string>> Sweeper::Sweep(const CancelToken& stop) {
+  const std::lock_guard lock(mutex_);
   NoteLostTime();
   std::vector<std::string> expired;
   absl::Status status;
@@ -427,7 +426,7 @@ absl::StatusOr<std::vector<std::string>> Jobs::Sweep(const CancelToken& stop) {
     blobs_->RemoveTemporary();
     return absl::OkStatus();
   });
-  data_.EmptyTmp(uploads_.limits().keep_seconds);
+  data_.EmptyTmp(uploads_->limits().keep_seconds);
   LITAGS_RETURN_IF_ERROR(status);
   return expired;
 }

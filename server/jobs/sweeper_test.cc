@@ -8,6 +8,7 @@
 #include "engine/core/error_test_util.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
+#include "server/jobs/sweeper.h"
 #include "server/store/digest.h"
 #include "server/testing/faulty_blob_store.h"
 #include "server/testing/temp_dir.h"
@@ -21,15 +22,18 @@ using ::testing::IsEmpty;
 
 constexpr int64_t kHourMs = 3'600'000;
 
-class SweepTest : public ::testing::Test {
+class SweeperTest : public ::testing::Test {
  protected:
-  SweepTest() { Restart({}); }
+  SweeperTest() { Restart({}); }
 
   // As a server does that starts again, by default on the same data.
   void Restart(UploadLimits limits, const std::string& database = "jobs.db") {
+    sweeper_.reset();
     jobs_.reset();
     store_ = *OpenSqliteJobStore(dir_.path() + "/" + database);
     jobs_ = std::make_unique<Jobs>(store_.get(), blobs_.get(), data_, clock_, limits);
+    sweeper_ =
+        std::make_unique<Sweeper>(store_.get(), blobs_.get(), &jobs_->uploads(), data_, clock_);
   }
 
   absl::Status Add(const std::string& id, const std::string& name, const std::string& bytes) {
@@ -51,16 +55,17 @@ class SweepTest : public ::testing::Test {
   std::unique_ptr<JobStore> store_;
   std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
   std::unique_ptr<Jobs> jobs_;
+  std::unique_ptr<Sweeper> sweeper_;
 };
 
-TEST_F(SweepTest, JobsThatTheStoreDoesNotKnowKeepTheirFilesForADayFromNowHoweverOldTheyAre) {
+TEST_F(SweeperTest, JobsThatTheStoreDoesNotKnowKeepTheirFilesForADayFromNowHoweverOldTheyAre) {
   const std::string id = jobs_->Create({})->id;
   ASSERT_TRUE(Add(id, "a.jpg", "a").ok());
   const auto days_ago = fs::file_time_type::clock::now() - std::chrono::hours(48);
   fs::last_write_time(data_.blobs() + "/jobs/" + id, days_ago);
   const auto sweep_after = [&](int hours) {
     now_ms_ += hours * kHourMs;
-    ASSERT_TRUE(jobs_->Sweep().ok());
+    ASSERT_TRUE(sweeper_->Sweep().ok());
   };
 
   Restart({}, "empty.db");
@@ -92,17 +97,17 @@ class MarkerIsLookedFor : public FaultyBlobStore {
   }
 };
 
-TEST_F(SweepTest, OrphansAreKeptADayFromWhenTheMarkerIsOursAndItIsLookedForHourly) {
+TEST_F(SweeperTest, OrphansAreKeptADayFromWhenTheMarkerIsOursAndItIsLookedForHourly) {
   const std::string lost = "0123456789abcdef";
   ASSERT_TRUE(blobs_->Put(BlobKey(lost, Sha256::Hex("a")), "a").ok());
   const auto days_ago = fs::file_time_type::clock::now() - std::chrono::hours(48);
   fs::last_write_time(data_.blobs() + "/jobs/" + lost, days_ago);
   MarkerIsLookedFor blobs(blobs_.get());
   const InstallationMarker marker(*store_->InstallationId(), "file:///blobs", &blobs);
-  Jobs jobs(store_.get(), &blobs, data_, clock_, {}, {}, &marker);
+  Sweeper sweeper(store_.get(), &blobs, &jobs_->uploads(), data_, clock_, &marker);
   const auto sweep_for = [&](int minutes) {
     for (int end = minutes; end > 0; --end) {
-      ASSERT_TRUE(jobs.Sweep().ok());
+      ASSERT_TRUE(sweeper.Sweep().ok());
       now_ms_ += kHourMs / 60;
     }
   };
@@ -121,7 +126,7 @@ TEST_F(SweepTest, OrphansAreKeptADayFromWhenTheMarkerIsOursAndItIsLookedForHourl
   EXPECT_FALSE(HasBlob(lost, "a"));
 }
 
-TEST_F(SweepTest, OrphansGoAlsoWhereTheServerIsRestartedEachNight) {
+TEST_F(SweeperTest, OrphansGoAlsoWhereTheServerIsRestartedEachNight) {
   const std::string lost = "0123456789abcdef";
   ASSERT_TRUE(blobs_->Put(BlobKey(lost, Sha256::Hex("a")), "a").ok());
   const auto days_ago = fs::file_time_type::clock::now() - std::chrono::hours(48);
@@ -129,7 +134,7 @@ TEST_F(SweepTest, OrphansGoAlsoWhereTheServerIsRestartedEachNight) {
   const auto run_for = [&](int hours) {
     Restart({});
     for (int i = 0; i <= hours; ++i) {
-      ASSERT_TRUE(jobs_->Sweep().ok());
+      ASSERT_TRUE(sweeper_->Sweep().ok());
       now_ms_ += kHourMs;
     }
   };
@@ -149,7 +154,7 @@ class FoldersAreNotRemoved : public FaultyBlobStore {
   absl::Status RemoveFolder(std::string_view) override { return absl::UnavailableError("away"); }
 };
 
-TEST_F(SweepTest, AJobIsDeletedAlsoWhileTheBlobStoreIsAway) {
+TEST_F(SweeperTest, AJobIsDeletedAlsoWhileTheBlobStoreIsAway) {
   FoldersAreNotRemoved away(blobs_.get());
   Jobs jobs(store_.get(), &away, data_, clock_);
   const std::string id = jobs_->Create({})->id;
@@ -160,9 +165,9 @@ TEST_F(SweepTest, AJobIsDeletedAlsoWhileTheBlobStoreIsAway) {
   EXPECT_TRUE(deleted.ok()) << deleted;
   EXPECT_TRUE(absl::IsNotFound(jobs.Get(id).status()));
   EXPECT_TRUE(HasBlob(id, "a"));
-  ASSERT_TRUE(jobs_->Sweep().ok());
+  ASSERT_TRUE(sweeper_->Sweep().ok());
   now_ms_ += 24 * kHourMs;
-  ASSERT_TRUE(jobs_->Sweep().ok());
+  ASSERT_TRUE(sweeper_->Sweep().ok());
   EXPECT_FALSE(HasBlob(id, "a"));
 }
 
@@ -177,9 +182,10 @@ class RemovalsAreSlow : public FaultyBlobStore {
   }
 };
 
-TEST_F(SweepTest, UploadedBlobsAreRemovedOutsideOfTransactionsAndNoFileLosesItsBytes) {
+TEST_F(SweeperTest, UploadedBlobsAreRemovedOutsideOfTransactionsAndNoFileLosesItsBytes) {
   RemovalsAreSlow blobs(blobs_.get());
   Jobs jobs(store_.get(), &blobs, data_, clock_);
+  Sweeper sweeper(store_.get(), &blobs, &jobs.uploads(), data_, clock_);
   Leases leases(store_.get(), &blobs, {}, clock_);
   const std::string id = jobs_->Create({})->id;
   for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) ASSERT_TRUE(Add(id, name, name).ok());
@@ -193,27 +199,29 @@ TEST_F(SweepTest, UploadedBlobsAreRemovedOutsideOfTransactionsAndNoFileLosesItsB
     // Another connection writes meanwhile, and the file does not come back.
     const auto other = *OpenSqliteJobStore(dir_.path() + "/jobs.db");
     Jobs there(other.get(), blobs_.get(), data_, clock_);
+    Sweeper theirs(other.get(), blobs_.get(), &there.uploads(), data_, clock_);
     EXPECT_TRUE(there.Create({}).ok());
     EXPECT_EQ(Reason(Add(id, "d.jpg", "a.jpg")), "JOB_BUSY");
     EXPECT_EQ(store_->ReachableSinceMs(), 0) << "the store refused nothing";
     EXPECT_EQ(there.Get(id)->state, JobState::kFailed);
-    EXPECT_TRUE(there.Sweep().ok()) << "leaves the job alone";
+    EXPECT_TRUE(theirs.Sweep().ok()) << "leaves the job alone";
     EXPECT_TRUE(HasBlob(id, "a.jpg"));
     return absl::OkStatus();
   };
-  ASSERT_TRUE(jobs.Sweep().ok());
+  ASSERT_TRUE(sweeper.Sweep().ok());
   EXPECT_EQ(removals, 1);
   EXPECT_FALSE(HasBlob(id, "a.jpg"));
   EXPECT_EQ(jobs.Get(id)->lease_owner, "");
   ASSERT_TRUE(Add(id, "d.jpg", "a.jpg").ok());
-  ASSERT_TRUE(jobs.Sweep().ok());
+  ASSERT_TRUE(sweeper.Sweep().ok());
   EXPECT_TRUE(HasBlob(id, "a.jpg"));
   EXPECT_TRUE(HasBlob(id, "other"));
 }
 
-TEST_F(SweepTest, BlobsThatComeWhileASweepRemovesOthersAreRemovedByTheNext) {
+TEST_F(SweeperTest, BlobsThatComeWhileASweepRemovesOthersAreRemovedByTheNext) {
   RemovalsAreSlow blobs(blobs_.get());
   Jobs jobs(store_.get(), &blobs, data_, clock_);
+  Sweeper sweeper(store_.get(), &blobs, &jobs.uploads(), data_, clock_);
   Leases leases(store_.get(), &blobs, {}, clock_);
   const std::string id = jobs_->Create({})->id;
   for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) ASSERT_TRUE(Add(id, name, name).ok());
@@ -228,16 +236,17 @@ TEST_F(SweepTest, BlobsThatComeWhileASweepRemovesOthersAreRemovedByTheNext) {
     EXPECT_TRUE(blobs_->Put(late, "scene").ok());
     return leases.NoteUnreferencedBlobs(lease);
   };
-  ASSERT_TRUE(jobs.Sweep().ok());
+  ASSERT_TRUE(sweeper.Sweep().ok());
   EXPECT_FALSE(HasBlob(id, "a.jpg"));
-  ASSERT_TRUE(jobs.Sweep().ok());
+  ASSERT_TRUE(sweeper.Sweep().ok());
   EXPECT_FALSE(blobs_->Get(late).ok());
   EXPECT_TRUE(store_->JobsWithUnreferencedBlobs(10)->empty());
 }
 
-TEST_F(SweepTest, AFaultOfOneJobKeepsNothingElseAndTheFailedSweepIsRepeated) {
+TEST_F(SweeperTest, AFaultOfOneJobKeepsNothingElseAndTheFailedSweepIsRepeated) {
   RemovalsAreSlow blobs(blobs_.get());
   Jobs jobs(store_.get(), &blobs, data_, clock_);
+  Sweeper sweeper(store_.get(), &blobs, &jobs.uploads(), data_, clock_);
   std::vector<std::string> ids;
   for (const char* bytes : {"1", "2"}) {
     ids.push_back(jobs_->Create({})->id);
@@ -249,26 +258,26 @@ TEST_F(SweepTest, AFaultOfOneJobKeepsNothingElseAndTheFailedSweepIsRepeated) {
   blobs.on_remove = [&] {
     return ++removals == 1 ? absl::InternalError("broken") : absl::OkStatus();
   };
-  EXPECT_EQ(jobs.Sweep().status().message(), "broken");
+  EXPECT_EQ(sweeper.Sweep().status().message(), "broken");
   EXPECT_EQ(removals, 2);
   EXPECT_EQ(store_->JobsWithUnreferencedBlobs(10)->size(), 1u);
-  ASSERT_TRUE(jobs.Sweep().ok());
+  ASSERT_TRUE(sweeper.Sweep().ok());
   EXPECT_TRUE(store_->JobsWithUnreferencedBlobs(10)->empty());
   EXPECT_FALSE(HasBlob(ids[0], "1") || HasBlob(ids[1], "2"));
 }
 
-TEST_F(SweepTest, ASweepThatIsToldToStopRemovesNoMore) {
+TEST_F(SweeperTest, ASweepThatIsToldToStopRemovesNoMore) {
   const std::string id = jobs_->Create({})->id;
   now_ms_ += 25 * kHourMs;
   CancelToken stop;
   stop.Cancel();
-  EXPECT_TRUE(jobs_->Sweep(stop)->empty());
+  EXPECT_TRUE(sweeper_->Sweep(stop)->empty());
   EXPECT_TRUE(jobs_->Get(id).ok());
-  EXPECT_THAT(*jobs_->Sweep(), ElementsAre(id));
+  EXPECT_THAT(*sweeper_->Sweep(), ElementsAre(id));
 }
 
 // Such a store may take half a minute to say so, each time.
-TEST_F(SweepTest, ASweepAsksABlobStoreThatIsAwayOnceAndNotAfterItIsToldToStop) {
+TEST_F(SweeperTest, ASweepAsksABlobStoreThatIsAwayOnceAndNotAfterItIsToldToStop) {
   class Away : public FaultyBlobStore {
    public:
     using FaultyBlobStore::FaultyBlobStore;
@@ -286,30 +295,32 @@ TEST_F(SweepTest, ASweepAsksABlobStoreThatIsAwayOnceAndNotAfterItIsToldToStop) {
   UploadLimits limits;
   limits.chunk_bytes = 100;
   Jobs jobs(store_.get(), &blobs, data_, clock_, limits);
-  EXPECT_EQ(jobs.Sweep().status().message(), "away");
+  Sweeper sweeper(store_.get(), &blobs, &jobs.uploads(), data_, clock_);
+  EXPECT_EQ(sweeper.Sweep().status().message(), "away");
   EXPECT_EQ(blobs.calls, 1);
   CancelToken stop;
   blobs.on_call = [&] { stop.Cancel(); };
   blobs.error = absl::InternalError("broken");
-  EXPECT_EQ(jobs.Sweep(stop).status().message(), "broken");
+  EXPECT_EQ(sweeper.Sweep(stop).status().message(), "broken");
   EXPECT_EQ(blobs.calls, 2);
 }
 
-TEST_F(SweepTest, NoUploadExpiresForTheTimeInWhichTheServiceWasAway) {
+TEST_F(SweeperTest, NoUploadExpiresForTheTimeInWhichTheServiceWasAway) {
   const std::string id = jobs_->Create({})->id;
   now_ms_ += 100 * kHourMs;
   Restart({});
-  EXPECT_THAT(*jobs_->Sweep(), IsEmpty());
+  EXPECT_THAT(*sweeper_->Sweep(), IsEmpty());
   EXPECT_EQ(jobs_->Get(id)->expire_time_ms, now_ms_ + 12 * kHourMs);
   now_ms_ += 11 * kHourMs;
-  EXPECT_THAT(*jobs_->Sweep(), IsEmpty());
+  EXPECT_THAT(*sweeper_->Sweep(), IsEmpty());
   now_ms_ += kHourMs;
-  EXPECT_THAT(*jobs_->Sweep(), ElementsAre(id));
+  EXPECT_THAT(*sweeper_->Sweep(), ElementsAre(id));
 }
 
-TEST_F(SweepTest, TimeInWhichTheMachineSleepsIsNoTimeWithAServer) {
+TEST_F(SweeperTest, TimeInWhichTheMachineSleepsIsNoTimeWithAServer) {
   int64_t awake_ms = 0;
-  Jobs jobs(store_.get(), blobs_.get(), data_, clock_, {}, {}, nullptr, [&] { return awake_ms; });
+  Sweeper sweeper(store_.get(), blobs_.get(), &jobs_->uploads(), data_, clock_, nullptr,
+                  [&] { return awake_ms; });
   const std::string lost = "0123456789abcdef";
   ASSERT_TRUE(blobs_->Put(BlobKey(lost, Sha256::Hex("a")), "a").ok());
   const auto days_ago = fs::file_time_type::clock::now() - std::chrono::hours(48);
@@ -317,11 +328,11 @@ TEST_F(SweepTest, TimeInWhichTheMachineSleepsIsNoTimeWithAServer) {
   const auto pass = [&](int hours, bool awake) {
     now_ms_ += hours * kHourMs;
     if (awake) awake_ms += hours * kHourMs;
-    return *jobs.Sweep();
+    return *sweeper.Sweep();
   };
   EXPECT_THAT(pass(0, true), IsEmpty());
   EXPECT_THAT(pass(20, true), IsEmpty());
-  const std::string id = jobs.Create({})->id;
+  const std::string id = jobs_->Create({})->id;
   EXPECT_THAT(pass(100, false), IsEmpty());
   EXPECT_THAT(pass(3, true), IsEmpty());
   EXPECT_TRUE(HasBlob(lost, "a"));
@@ -330,7 +341,7 @@ TEST_F(SweepTest, TimeInWhichTheMachineSleepsIsNoTimeWithAServer) {
   EXPECT_THAT(pass(1, true), ElementsAre(id));
 }
 
-TEST_F(SweepTest, AJobWhoseEndIsStillToBeToldExpiresAfterThatOrADay) {
+TEST_F(SweeperTest, AJobWhoseEndIsStillToBeToldExpiresAfterThatOrADay) {
   const auto ended = [&] {
     NewJob wanted;
     wanted.policy.retention_seconds = 60;
@@ -350,12 +361,12 @@ TEST_F(SweepTest, AJobWhoseEndIsStillToBeToldExpiresAfterThatOrADay) {
   const std::string told = ended(), never = ended();
   for (const std::string& id : {told, never}) set_due(id, now_ms_ + kHourMs);
   now_ms_ += 120'000;
-  EXPECT_TRUE(jobs_->Sweep()->empty());
+  EXPECT_TRUE(sweeper_->Sweep()->empty());
   set_due(told, 0);
   now_ms_ += 2 * kHourMs;
-  EXPECT_THAT(*jobs_->Sweep(), ElementsAre(told));
+  EXPECT_THAT(*sweeper_->Sweep(), ElementsAre(told));
   now_ms_ += 24 * kHourMs;  // no server tells anybody
-  EXPECT_THAT(*jobs_->Sweep(), ElementsAre(never));
+  EXPECT_THAT(*sweeper_->Sweep(), ElementsAre(never));
 }
 
 }  // namespace
