@@ -5,16 +5,6 @@
 #include "engine/core/error.h"
 
 namespace litags {
-namespace {
-
-absl::Status ForWorkersOnly() {
-  return MakeError(absl::StatusCode::kInternal, "NOT_FOR_CLIENTS", "",
-                   "a client's view of the job store was used as a worker's; this is a defect of "
-                   "the server");
-}
-
-}  // namespace
-
 absl::Status CheckByteQuota(int64_t bytes, int64_t max_bytes) {
   if (max_bytes == 0 || bytes <= max_bytes) return absl::OkStatus();
   return MakeError(
@@ -110,42 +100,6 @@ absl::StatusOr<std::vector<LogEntry>> ClientJobStore::Log(std::string_view id, i
                                                           int limit) {
   LITAGS_RETURN_IF_ERROR(Get(id).status());
   return store_->Log(id, after, limit);
-}
-
-absl::StatusOr<std::optional<JobRecord>> ClientJobStore::UpdateFirstQueued(Fits, Change) {
-  return ForWorkersOnly();
-}
-
-absl::StatusOr<std::optional<JobRecord>> ClientJobStore::UpdateFirstExpired(int64_t, Change) {
-  return ForWorkersOnly();
-}
-
-absl::StatusOr<std::optional<JobRecord>> ClientJobStore::UpdateFirstLeasedBeyond(int64_t, Change) {
-  return ForWorkersOnly();
-}
-
-absl::StatusOr<std::vector<std::string>> ClientJobStore::LeasedTo(std::string_view) {
-  return ForWorkersOnly();
-}
-
-absl::StatusOr<std::vector<std::string>> ClientJobStore::WebhooksDue(int64_t, int) {
-  return ForWorkersOnly();
-}
-
-absl::StatusOr<std::vector<std::string>> ClientJobStore::JobsWithUnreferencedBlobs(int) {
-  return ForWorkersOnly();
-}
-
-absl::StatusOr<JobCensus> ClientJobStore::Census() { return ForWorkersOnly(); }
-
-absl::StatusOr<std::string> ClientJobStore::InstallationId() { return ForWorkersOnly(); }
-
-absl::Status ClientJobStore::PutWorker(const WorkerRecord&) { return ForWorkersOnly(); }
-
-absl::Status ClientJobStore::RemoveWorker(std::string_view) { return ForWorkersOnly(); }
-
-absl::StatusOr<std::vector<std::string>> ClientJobStore::Expired(int64_t, int) {
-  return ForWorkersOnly();
 }
 
 }  // namespace litags

@@ -24,13 +24,13 @@ absl::Status CheckByteQuota(int64_t bytes, int64_t max_bytes);
 
 // The store as one client may use it. Jobs of others are as good as not there, in every call: this
 // is the one place where ownership and quotas are checked, below all handlers, so that a new
-// handler cannot forget them. Calls that are for workers are refused.
+// handler cannot forget them.
 //
 // Errors beside the store's: RESOURCE_EXHAUSTED (JOB_QUOTA_REACHED, BYTE_QUOTA_REACHED).
-class ClientJobStore : public JobStore {
+class ClientJobStore : public ClientStore {
  public:
   // `store` must outlive this.
-  ClientJobStore(JobStore* store, ClientView view) : store_(store), view_(std::move(view)) {}
+  ClientJobStore(ClientStore* store, ClientView view) : store_(store), view_(std::move(view)) {}
 
   absl::StatusOr<JobRecord> Create(const JobRecord& job, Change change) override;
   absl::StatusOr<JobRecord> Get(std::string_view id) override;
@@ -60,24 +60,10 @@ class ClientJobStore : public JobStore {
   int64_t NowMs() override { return store_->NowMs(); }
   int64_t ReachableSinceMs() override { return store_->ReachableSinceMs(); }
 
-  absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Fits fits, Change change) override;
-  absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
-                                                              Change change) override;
-  absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
-                                                                   Change change) override;
-  absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override;
-  absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int limit) override;
-  absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) override;
-  absl::StatusOr<JobCensus> Census() override;
-  absl::Status PutWorker(const WorkerRecord& worker) override;
-  absl::Status RemoveWorker(std::string_view name) override;
-  absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override;
-  absl::StatusOr<std::string> InstallationId() override;
-
  private:
   bool Sees(const JobRecord& job) const { return view_.sees_all || job.owner == view_.owner; }
 
-  JobStore* const store_;
+  ClientStore* const store_;
   const ClientView view_;
 };
 

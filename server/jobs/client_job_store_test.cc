@@ -79,12 +79,6 @@ TEST_F(ClientJobStoreTest, JobsFromBeforeThereWereTokensAreTheAdministrators) {
   EXPECT_EQ(admin_.List(0, "", 10, "", kOrder)->at(0).id, "n1");
 }
 
-TEST_F(ClientJobStoreTest, WorkersCallsAreRefused) {
-  EXPECT_EQ(Reason(admin_.UpdateFirstQueued(FitsAny, Nothing).status()), "NOT_FOR_CLIENTS");
-  EXPECT_EQ(Reason(admin_.UpdateFirstExpired(0, Nothing).status()), "NOT_FOR_CLIENTS");
-  EXPECT_EQ(Reason(admin_.LeasedTo("w").status()), "NOT_FOR_CLIENTS");
-}
-
 TEST_F(ClientJobStoreTest, JobsAreCountedPerClient) {
   EXPECT_TRUE(alice_.Create(MakeJob("a2"), Nothing).ok());
   const absl::Status third = alice_.Create(MakeJob("a3"), Nothing).status();

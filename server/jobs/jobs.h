@@ -4,7 +4,6 @@
 #define LITAGS_SERVER_JOBS_JOBS_H_
 
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -55,21 +54,12 @@ struct JobDetails {
 // Of what JobDetails has and of the state: other than before once one of them is.
 std::string EtagOf(const JobRecord& job);
 
-// How all jobs are at the moment.
-struct JobsOverview {
-  std::map<JobState, int64_t> by_state;  // every state
-  double queue_age_seconds = 0;          // since the job that waits longest was queued
-  int64_t unplaceable = 0;               // queued jobs that no worker that is there can take
-  int64_t workers = 0;                   // that are there
-  double iterations_per_second = 0;      // of all running jobs together
-};
-
 // Thread-safe. Errors: those of JobStore and NextState(), and what each call says.
 class Jobs {
  public:
-  // The stores must outlive this. One per data folder; For() makes more of it. Without a clock, the
-  // store's is used.
-  Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock = nullptr,
+  // Of all clients. The stores must outlive this. One per data folder; For() makes more of it.
+  // Without a clock, the store's is used.
+  Jobs(ClientStore* store, BlobStore* blobs, DataDir data, Clock clock = nullptr,
        UploadLimits limits = {}, WebhookPolicy webhooks = {})
       : Jobs(store, blobs, data, clock ? clock : StoreClock(store),
              std::make_shared<UploadArea>(data.uploads(), blobs, limits), {}, webhooks) {}
@@ -107,9 +97,6 @@ class Jobs {
   using DetailsChange = absl::FunctionRef<absl::Status(JobDetails&)>;
   absl::StatusOr<JobRecord> Update(std::string_view id, std::string_view etag,
                                    DetailsChange change);
-
-  // Not for clients.
-  absl::StatusOr<JobsOverview> Overview();
 
   // The workers that are there, all clients' alike; see WaitsFor().
   absl::StatusOr<Workforce> Workers() { return WorkersThere(store_); }
@@ -152,7 +139,7 @@ class Jobs {
   const JobCaps& caps() const { return view_.caps; }
 
  private:
-  Jobs(JobStore* store, BlobStore* blobs, DataDir data, Clock clock,
+  Jobs(ClientStore* store, BlobStore* blobs, DataDir data, Clock clock,
        std::shared_ptr<UploadArea> area, ClientView view, WebhookPolicy webhooks)
       : store_(store),
         blobs_(blobs),
@@ -166,7 +153,7 @@ class Jobs {
   absl::Status CheckProgress(std::string_view id, const std::string& request_id);
   absl::Status Enqueue(JobTransaction& job, JobAction action, std::string_view message);
 
-  JobStore* const store_;
+  ClientStore* const store_;
   BlobStore* const blobs_;
   const DataDir data_;
   const Clock clock_;

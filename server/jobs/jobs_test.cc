@@ -1,4 +1,5 @@
 #include "server/jobs/jobs.h"
+#include "server/jobs/overview.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -195,24 +196,25 @@ TEST_F(JobsTest, HigherPrioritiesLeaveTheQueueFirstAndEqualOnesInOrder) {
 }
 
 TEST_F(JobsTest, OverviewHasTheLongestWaitAndTheRateOfWhatRuns) {
-  EXPECT_EQ(jobs_.Overview()->by_state.at(JobState::kQueued), 0);
-  EXPECT_EQ(jobs_.Overview()->queue_age_seconds, 0);
+  EXPECT_EQ(OverviewOf(*store_, now_ms_)->by_state.at(JobState::kQueued), 0);
+  EXPECT_EQ(OverviewOf(*store_, now_ms_)->queue_age_seconds, 0);
   for (int i = 0; i < 4; ++i) StartedJob();
   for (const char* worker : {"w1", "w2"}) {
     const Lease lease = **leases_.Acquire(worker);
-    EXPECT_EQ(jobs_.Overview()->iterations_per_second, worker == std::string("w1") ? 0 : 12.5);
+    EXPECT_EQ(OverviewOf(*store_, now_ms_)->iterations_per_second,
+              worker == std::string("w1") ? 0 : 12.5);
     Progress progress;
     progress.iterations_per_second = 12.5;
     ASSERT_TRUE(leases_.AddProgress(lease, progress).ok());
   }
   now_ms_ += 1500;
-  const JobsOverview overview = *jobs_.Overview();
+  const JobsOverview overview = *OverviewOf(*store_, now_ms_);
   EXPECT_EQ(overview.by_state.at(JobState::kQueued), 2);
   EXPECT_EQ(overview.by_state.at(JobState::kRunning), 2);
   EXPECT_EQ(overview.queue_age_seconds, 1.5);
   EXPECT_EQ(overview.iterations_per_second, 25);
   now_ms_ -= 3'600'000;  // a clock that is set back
-  EXPECT_EQ(jobs_.Overview()->queue_age_seconds, 0);
+  EXPECT_EQ(OverviewOf(*store_, now_ms_)->queue_age_seconds, 0);
 }
 
 TEST_F(JobsTest, TimeWithWorkersIsSummedUpUntilTheJobIsResumed) {

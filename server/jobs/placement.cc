@@ -85,7 +85,7 @@ bool Fits(std::string_view needs, const Resources& has) {
   return decoded.ok() && Fits(*decoded, has);
 }
 
-absl::StatusOr<Workforce> WorkersThere(JobStore* store) {
+absl::StatusOr<Workforce> WorkersThere(ClientStore* store) {
   const int64_t now_ms = store->NowMs();
   LITAGS_ASSIGN_OR_RETURN(const auto records, store->Workers(now_ms - kWorkerSilenceMs));
   Workforce workers;

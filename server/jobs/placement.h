@@ -48,7 +48,7 @@ inline constexpr int64_t kWorkerSilenceMs = 30000;
 
 // The workers that are there.
 using Workforce = std::vector<Resources>;
-absl::StatusOr<Workforce> WorkersThere(JobStore* store);
+absl::StatusOr<Workforce> WorkersThere(ClientStore* store);
 
 // For humans: what a queued job waits for beside its turn, such as "a worker with 64 cores; the
 // largest of the 3 that are there has 8"; empty if a worker that is there could take it.

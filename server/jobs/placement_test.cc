@@ -9,6 +9,7 @@
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
+#include "server/jobs/overview.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
@@ -101,7 +102,7 @@ TEST_F(PlacementOfJobs, JobThatNobodyCanTakeSaysWhatItWaitsForAndIsCounted) {
   policy.worker_labels = {"avx512"};
   const std::string id = QueuedJob(policy);
   EXPECT_THAT(WaitsForNow(id), HasSubstr("none is there"));
-  EXPECT_EQ(jobs_.Overview()->unplaceable, 1);
+  EXPECT_EQ(OverviewOf(*store_, SystemClockMs())->unplaceable, 1);
   SayIsThere("w1", {1, kGiB, {}});
   EXPECT_EQ(WaitsForNow(id),
             "a worker with 64 cores, label avx512; the only one that is there has 1 core and 1024 "
@@ -111,12 +112,12 @@ TEST_F(PlacementOfJobs, JobThatNobodyCanTakeSaysWhatItWaitsForAndIsCounted) {
   EXPECT_EQ(WaitsForNow(id),
             "a worker with 64 cores, label avx512; of the 2 that are there none has all of it, the "
             "largest 8 cores and 2048 MiB");
-  EXPECT_EQ(jobs_.Overview()->workers, 2);
-  EXPECT_EQ(jobs_.Overview()->unplaceable, 1);
+  EXPECT_EQ(OverviewOf(*store_, SystemClockMs())->workers, 2);
+  EXPECT_EQ(OverviewOf(*store_, SystemClockMs())->unplaceable, 1);
   SayIsThere("w3", {64, kGiB, {"avx512"}});
   EXPECT_EQ(WaitsForNow(id), "");
-  EXPECT_EQ(jobs_.Overview()->unplaceable, 0);
-  EXPECT_EQ(jobs_.Overview()->by_state[JobState::kQueued], 1);
+  EXPECT_EQ(OverviewOf(*store_, SystemClockMs())->unplaceable, 0);
+  EXPECT_EQ(OverviewOf(*store_, SystemClockMs())->by_state[JobState::kQueued], 1);
 }
 
 TEST_F(PlacementOfJobs, MostMemoryThereIsIsToldAsItIs) {

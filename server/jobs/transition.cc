@@ -81,7 +81,7 @@ absl::Status AddStateEvent(JobTransaction& job, int64_t now_ms, std::string_view
   return job.AddEvent({0, now_ms, EventKind::kState, Encode(change)});
 }
 
-absl::Status NoteUnreferencedBlobsOf(JobStore& store, std::string_view id) {
+absl::Status NoteUnreferencedBlobsOf(ClientStore& store, std::string_view id) {
   const auto note = [](JobTransaction& job) {
     job.job.has_unreferenced_blobs = true;
     return absl::OkStatus();

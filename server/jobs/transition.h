@@ -32,7 +32,7 @@ absl::Status AddStateEvent(JobTransaction& job, int64_t now_ms, std::string_view
                            const JobError* error = nullptr);
 
 // Notes that blobs of the job may be there that no row names, for a sweep.
-absl::Status NoteUnreferencedBlobsOf(JobStore& store, std::string_view id);
+absl::Status NoteUnreferencedBlobsOf(ClientStore& store, std::string_view id);
 
 }  // namespace litags
 

@@ -39,7 +39,7 @@ absl::Status NoteReplaced(JobTransaction& job, const FileRecord& old) {
 
 // The files of a job outside of transactions.
 struct StoredRows {
-  JobStore* store;
+  ClientStore* store;
   std::string_view id;
   absl::StatusOr<std::vector<FileRecord>> Files() const { return store->Files(id); }
   absl::StatusOr<std::optional<FileRecord>> File(FileRole role, std::string_view name) const {

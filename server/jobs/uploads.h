@@ -61,7 +61,7 @@ class Uploads {
  public:
   // The stores must outlive this. `max_owner_bytes`: of all files of one owner's jobs, those on
   // their way included; 0: no limit.
-  Uploads(JobStore* store, BlobStore* blobs, std::shared_ptr<UploadArea> area, Clock clock,
+  Uploads(ClientStore* store, BlobStore* blobs, std::shared_ptr<UploadArea> area, Clock clock,
           int64_t max_owner_bytes = 0)
       : store_(store),
         blobs_(blobs),
@@ -148,7 +148,7 @@ class Uploads {
   absl::StatusOr<int64_t> CheckAdd(std::string_view id, const FileRecord& file);
   void NoteUnreferencedBlobs(std::string_view id);
 
-  JobStore* const store_;
+  ClientStore* const store_;
   BlobStore* const blobs_;
   const std::shared_ptr<UploadArea> area_;
   const Clock clock_;

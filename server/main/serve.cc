@@ -145,9 +145,9 @@ absl::StatusOr<Stores> OpenStores(const ServerFlags& flags) {
 
 // Null without --metrics-listen.
 absl::StatusOr<std::unique_ptr<MetricsServer>> ServeMetrics(const ServerFlags& flags,
-                                                            Metrics* counted, Jobs* jobs) {
+                                                            Metrics* counted, JobStore* store) {
   if (flags.metrics_listen.empty()) return std::unique_ptr<MetricsServer>();
-  LITAGS_ASSIGN_OR_RETURN(auto metrics, MetricsServer::Start(flags.metrics_listen, counted, jobs));
+  LITAGS_ASSIGN_OR_RETURN(auto metrics, MetricsServer::Start(flags.metrics_listen, counted, store));
   spdlog::info("metrics at port {}, /metrics", metrics->port());
   return metrics;
 }
@@ -208,7 +208,8 @@ absl::Status Serve(ServerFlags flags, const std::string& worker_program, Engine*
   ServerOptions options = flags.server;
   options.reader = reader.get();
   LITAGS_ASSIGN_OR_RETURN(const auto server, StartServer(options, &jobs, engine));
-  LITAGS_ASSIGN_OR_RETURN(const auto metrics, ServeMetrics(flags, server->metrics(), &jobs));
+  LITAGS_ASSIGN_OR_RETURN(const auto metrics,
+                          ServeMetrics(flags, server->metrics(), stores.jobs.get()));
   SupervisorOptions workers = WorkersOf(flags, worker_program, stores.data);
   workers.on_restart = [&] { server->metrics()->AddWorkerRestart(); };
   Supervisor supervisor(workers, &leases);

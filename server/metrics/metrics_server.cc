@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/jobs/overview.h"
 #include "server/jobs/state_machine.h"
 #include "server/metrics/families.h"
 
@@ -29,10 +30,10 @@ void Add(double value, std::vector<ClientMetric::Label> labels, MetricFamily* fa
 // The gauges, asked for when Prometheus asks.
 class JobsNow : public prometheus::Collectable {
  public:
-  JobsNow(Metrics* metrics, Jobs* jobs) : metrics_(metrics), jobs_(jobs) {}
+  JobsNow(Metrics* metrics, JobStore* store) : metrics_(metrics), store_(store) {}
 
   std::vector<MetricFamily> Collect() const override {
-    const absl::StatusOr<JobsOverview> now = jobs_->Overview();
+    const absl::StatusOr<JobsOverview> now = OverviewOf(*store_, store_->NowMs());
     metrics_->AddIfStoreError(now.status());
     MetricFamily up = Gauge("litags_store_up", "Whether the job store answers");
     Add(now.ok() ? 1 : 0, {}, &up);
@@ -57,7 +58,7 @@ class JobsNow : public prometheus::Collectable {
 
  private:
   Metrics* const metrics_;
-  Jobs* const jobs_;
+  JobStore* const store_;
 };
 
 }  // namespace
@@ -69,9 +70,10 @@ struct MetricsServer::Http {
 };
 
 absl::StatusOr<std::unique_ptr<MetricsServer>> MetricsServer::Start(const std::string& listen,
-                                                                    Metrics* metrics, Jobs* jobs) {
+                                                                    Metrics* metrics,
+                                                                    JobStore* store) {
   auto http = std::make_unique<Http>();
-  http->jobs = std::make_shared<JobsNow>(metrics, jobs);
+  http->jobs = std::make_shared<JobsNow>(metrics, store);
   http->registry = {metrics->families_, &metrics->families_->registry};
   try {
     http->exposer = std::make_unique<prometheus::Exposer>(listen, 2);

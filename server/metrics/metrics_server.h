@@ -5,8 +5,8 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "server/jobs/jobs.h"
 #include "server/metrics/metrics.h"
+#include "server/store/job_store.h"
 
 namespace litags {
 
@@ -14,11 +14,11 @@ namespace litags {
 // address is answered.
 class MetricsServer {
  public:
-  // `listen`: HOST:PORT, port 0: any free one. `jobs`, all of them, are looked at in each request;
-  // if that fails, litags_store_up is 0 and their gauges are left out, not out of date. Both must
-  // outlive this. UNAVAILABLE (CANNOT_LISTEN).
+  // `listen`: HOST:PORT, port 0: any free one. Jobs are looked at in each request; if that fails,
+  // litags_store_up is 0 and their gauges are left out, not out of date. Both must outlive this.
+  // UNAVAILABLE (CANNOT_LISTEN).
   static absl::StatusOr<std::unique_ptr<MetricsServer>> Start(const std::string& listen,
-                                                              Metrics* metrics, Jobs* jobs);
+                                                              Metrics* metrics, JobStore* store);
   ~MetricsServer();
 
   int port() const;

@@ -16,7 +16,7 @@ int64_t AwakeClockMs() {
       .count();
 }
 
-Clock StoreClock(JobStore* store) {
+Clock StoreClock(ClientStore* store) {
   return [store] { return store->NowMs(); };
 }
 

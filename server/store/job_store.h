@@ -223,13 +223,13 @@ enum class ChangeTopic {
 // meets. A store on another machine, beside these: UNAVAILABLE, with nothing changed
 // (STORE_UNAVAILABLE, STORE_BUSY), or with the connection lost in a commit and the database away
 // since, so that nobody knows (STORE_OUTCOME_UNKNOWN).
-class JobStore {
+//
+// These are the calls that a client's jobs need: see ClientJobStore.
+class ClientStore {
  public:
   using Change = absl::FunctionRef<absl::Status(JobTransaction&)>;
-  // Whether a worker has what JobRecord::needs says. Asked once for each text that is in the queue.
-  using Fits = absl::FunctionRef<bool(std::string_view needs)>;
 
-  virtual ~JobStore() = default;
+  virtual ~ClientStore() = default;
 
   // Inserts the job and applies `change` to it in the same transaction. If a job of the same
   // owner with the same non-empty request_id exists, returns that one instead, unchanged;
@@ -250,40 +250,9 @@ class JobStore {
   // more than once, so it must have no effect but on the transaction.
   virtual absl::StatusOr<JobRecord> Update(std::string_view id, Change change) = 0;
 
-  // Update() of the first queued job whose needs fit: of those of the highest priority, one of the
-  // owner with the fewest running jobs, who then waits longest (queue_time_ms); nullopt if there is
-  // none. Changes at the same time do not see each other's choice, so that an owner may get as many
-  // jobs too early as there are.
-  virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Fits fits, Change change) = 0;
-
-  // Update() of one running job whose lease ended before `now_ms`; nullopt if there is none.
-  virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
-                                                                      Change change) = 0;
-
-  // Update() of one running job whose lease ends after `latest_ms`; nullopt if there is none.
-  virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
-                                                                           Change change) = 0;
-
-  // Ids of the running jobs leased to `owner`.
-  virtual absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) = 0;
-
-  // Ids of the jobs whose expire_time_ms has come; at most `limit`, oldest first.
-  virtual absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) = 0;
-
-  // Ids of the jobs whose webhook_due_ms has come, of each owner the oldest; at most `limit`,
-  // oldest first.
-  virtual absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int limit) = 0;
-
-  // Jobs that have unreferenced blobs and neither take files nor run nor wait to.
-  virtual absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) = 0;
-
-  virtual absl::StatusOr<JobCensus> Census() = 0;
   virtual absl::StatusOr<JobQueue> Queue() = 0;
 
-  // Workers say that they are there, and are forgotten by their names. Nobody waits for that.
-  virtual absl::Status PutWorker(const WorkerRecord& worker) = 0;
-  virtual absl::Status RemoveWorker(std::string_view name) = 0;
-  // Those seen at `since_ms` or later, by name.
+  // The workers that were seen at `since_ms` or later, by name.
   virtual absl::StatusOr<std::vector<WorkerRecord>> Workers(int64_t since_ms) = 0;
 
   // By role, then name.
@@ -318,10 +287,6 @@ class JobStore {
   virtual absl::StatusOr<int64_t> WaitForChange(ChangeTopic topic, int64_t seen,
                                                 double seconds) = 0;
 
-  // 32 hex digits, made at the first call and the same from then on, also in a copy of the database
-  // and in the store that an installation was moved to.
-  virtual absl::StatusOr<std::string> InstallationId() = 0;
-
   // Milliseconds since 1970 by the clock that all users of the store share; leases are timed by it.
   virtual int64_t NowMs() = 0;
 
@@ -330,8 +295,52 @@ class JobStore {
   virtual int64_t ReachableSinceMs() = 0;
 };
 
+// What workers, and those who look after all jobs, need as well.
+class JobStore : public ClientStore {
+ public:
+  // Whether a worker has what JobRecord::needs says. Asked once for each text that is in the queue.
+  using Fits = absl::FunctionRef<bool(std::string_view needs)>;
+
+  // Update() of the first queued job whose needs fit: of those of the highest priority, one of the
+  // owner with the fewest running jobs, who then waits longest (queue_time_ms); nullopt if there is
+  // none. Changes at the same time do not see each other's choice, so that an owner may get as many
+  // jobs too early as there are.
+  virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstQueued(Fits fits, Change change) = 0;
+
+  // Update() of one running job whose lease ended before `now_ms`; nullopt if there is none.
+  virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstExpired(int64_t now_ms,
+                                                                      Change change) = 0;
+
+  // Update() of one running job whose lease ends after `latest_ms`; nullopt if there is none.
+  virtual absl::StatusOr<std::optional<JobRecord>> UpdateFirstLeasedBeyond(int64_t latest_ms,
+                                                                           Change change) = 0;
+
+  // Ids of the running jobs leased to `owner`.
+  virtual absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) = 0;
+
+  // Ids of the jobs whose expire_time_ms has come; at most `limit`, oldest first.
+  virtual absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) = 0;
+
+  // Ids of the jobs whose webhook_due_ms has come, of each owner the oldest; at most `limit`,
+  // oldest first.
+  virtual absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int limit) = 0;
+
+  // Jobs that have unreferenced blobs and neither take files nor run nor wait to.
+  virtual absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) = 0;
+
+  virtual absl::StatusOr<JobCensus> Census() = 0;
+
+  // Workers say that they are there, and are forgotten by their names. Nobody waits for that.
+  virtual absl::Status PutWorker(const WorkerRecord& worker) = 0;
+  virtual absl::Status RemoveWorker(std::string_view name) = 0;
+
+  // 32 hex digits, made at the first call and the same from then on, also in a copy of the database
+  // and in the store that an installation was moved to.
+  virtual absl::StatusOr<std::string> InstallationId() = 0;
+};
+
 // NowMs() of a store that outlives the clock.
-Clock StoreClock(JobStore* store);
+Clock StoreClock(ClientStore* store);
 
 // NOT_FOUND (JOB_NOT_FOUND), for a job that is not there, and for one that is none of the caller's.
 absl::Status JobNotFound(std::string_view id);
