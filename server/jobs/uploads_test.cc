@@ -9,12 +9,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
-#include "server/jobs/client_job_store.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/uploads_test_util.h"
 #include "server/store/digest.h"
 #include "server/testing/faulty_blob_store.h"
+#include "server/testing/forwarding_job_store.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
@@ -23,29 +23,28 @@ namespace {
 namespace fs = std::filesystem;
 
 // What is read of the store: rows of files, sums over all jobs of an owner, looks for bytes.
-class CountingJobStore : public ClientJobStore {
+class CountingJobStore : public ForwardingJobStore {
  public:
-  explicit CountingJobStore(JobStore* store)
-      : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+  explicit CountingJobStore(JobStore* store) : ForwardingJobStore(store) {}
   struct Reads {
     int64_t rows = 0, usages = 0, looks = 0;
   } reads;
   absl::StatusOr<OwnerUsage> UsageOf(std::string_view owner) override {
     ++reads.usages;
-    return ClientJobStore::UsageOf(owner);
+    return ForwardingJobStore::UsageOf(owner);
   }
   absl::StatusOr<std::optional<JobFile>> FindFile(std::string_view id, FileRole role,
                                                   std::string_view sha256) override {
     ++reads.looks;
-    return ClientJobStore::FindFile(id, role, sha256);
+    return ForwardingJobStore::FindFile(id, role, sha256);
   }
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) override {
-    auto files = ClientJobStore::Files(id);
+    auto files = ForwardingJobStore::Files(id);
     if (files.ok()) reads.rows += static_cast<int64_t>(files->size());
     return files;
   }
   absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override {
-    return ClientJobStore::Update(id, [&](JobTransaction& job) {
+    return ForwardingJobStore::Update(id, [&](JobTransaction& job) {
       Transaction counting(&job, &reads);
       const absl::Status status = change(counting);
       job.job = counting.job;

@@ -7,16 +7,16 @@
 
 #include "engine/core/error.h"
 #include "server/api/health_monitor.h"
-#include "server/jobs/client_job_store.h"
+#include "server/testing/forwarding_job_store.h"
 #include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
 
 // A store whose disk can be taken away.
-class FailingStore : public ClientJobStore {
+class FailingStore : public ForwardingJobStore {
  public:
-  explicit FailingStore(JobStore* store) : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+  explicit FailingStore(JobStore* store) : ForwardingJobStore(store) {}
 
   absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
                                               int limit, const std::optional<std::string>& owner,
@@ -24,7 +24,7 @@ class FailingStore : public ClientJobStore {
     if (fails) {
       return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "", "the disk is gone");
     }
-    return ClientJobStore::List(after_time_ms, after_id, limit, owner, order);
+    return ForwardingJobStore::List(after_time_ms, after_id, limit, owner, order);
   }
 
   std::atomic<bool> fails{false};

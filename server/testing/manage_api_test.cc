@@ -9,8 +9,8 @@
 
 #include "engine/core/error.h"
 #include "server/api/convert.h"
-#include "server/jobs/client_job_store.h"
 #include "server/testing/api_fixture.h"
+#include "server/testing/forwarding_job_store.h"
 #include "server/testing/photos.h"
 
 namespace litags {
@@ -368,10 +368,9 @@ TEST_F(ManageApi, SeveralJobsAreDeletedAndTheOthersNamed) {
 }
 
 // Its database cannot be reached.
-class StoreThatIsAway : public ClientJobStore {
+class StoreThatIsAway : public ForwardingJobStore {
  public:
-  explicit StoreThatIsAway(JobStore* store)
-      : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+  explicit StoreThatIsAway(JobStore* store) : ForwardingJobStore(store) {}
   absl::StatusOr<JobRecord> Update(std::string_view, Change) override { return Away(); }
   static absl::Status Away() {
     return MakeError(absl::StatusCode::kUnavailable, "STORE_UNAVAILABLE", "",
@@ -411,10 +410,9 @@ TEST_F(ManageApi, QueuedJobsKnowTheirTurn) {
 }
 
 TEST_F(ManageApi, AChangeThatWasMadeIsToldThoughTheStoreThenGoesAway) {
-  class AwayAfterwards : public ClientJobStore {
+  class AwayAfterwards : public ForwardingJobStore {
    public:
-    explicit AwayAfterwards(JobStore* store)
-        : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+    explicit AwayAfterwards(JobStore* store) : ForwardingJobStore(store) {}
     absl::StatusOr<JobQueue> Queue() override {  // read after the change
       return MakeError(absl::StatusCode::kUnavailable, "STORE_UNAVAILABLE", "", "away");
     }

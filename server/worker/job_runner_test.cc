@@ -13,13 +13,13 @@
 #include <thread>
 
 #include "engine/core/error_test_util.h"
-#include "server/jobs/client_job_store.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/store/digest.h"
 #include "server/testing/eventually.h"
 #include "server/testing/fake_engine.h"
 #include "server/testing/faulty_blob_store.h"
+#include "server/testing/forwarding_job_store.h"
 #include "server/testing/no_room.h"
 #include "server/testing/temp_dir.h"
 #include "server/worker/self_check.h"
@@ -247,12 +247,12 @@ class Talkative : public Engine {
 };
 
 TEST_F(JobRunnerTest, LastProgressIsWrittenAlsoWhenTheStoreWasAwayAtTheEnd) {
-  class AwayOnce : public ClientJobStore {
+  class AwayOnce : public ForwardingJobStore {
    public:
-    explicit AwayOnce(JobStore* store) : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+    explicit AwayOnce(JobStore* store) : ForwardingJobStore(store) {}
     absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override {
       if (away.exchange(false)) return absl::UnavailableError("away");
-      return ClientJobStore::Update(id, change);
+      return ForwardingJobStore::Update(id, change);
     }
     std::atomic<bool> away = false;
   };
@@ -280,10 +280,10 @@ TEST_F(JobRunnerTest, LastProgressIsWrittenAlsoWhenTheStoreWasAwayAtTheEnd) {
 }
 
 TEST_F(JobRunnerTest, AllEntriesOfALogHaveTheTimesOfTheStoresClock) {
-  class HourAhead : public ClientJobStore {
+  class HourAhead : public ForwardingJobStore {
    public:
-    explicit HourAhead(JobStore* store) : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
-    int64_t NowMs() override { return ClientJobStore::NowMs() + 3'600'000; }
+    explicit HourAhead(JobStore* store) : ForwardingJobStore(store) {}
+    int64_t NowMs() override { return ForwardingJobStore::NowMs() + 3'600'000; }
   };
   HourAhead store(store_.get());
   Leases leases(store_.get(), &blobs_, {}, StoreClock(&store));
@@ -300,16 +300,16 @@ TEST_F(JobRunnerTest, AllEntriesOfALogHaveTheTimesOfTheStoresClock) {
 
 TEST_F(JobRunnerTest, MemoryIsLimitedWhileTheJobStoreIsAway) {
   // Away until the engine has stopped.
-  class AwayStore : public ClientJobStore {
+  class AwayStore : public ForwardingJobStore {
    public:
-    explicit AwayStore(JobStore* store) : ClientJobStore(store, {.owner = "", .sees_all = true}) {}
+    explicit AwayStore(JobStore* store) : ForwardingJobStore(store) {}
     absl::StatusOr<JobRecord> Get(std::string_view id) override {
       if (away) return absl::UnavailableError("away");
-      return ClientJobStore::Get(id);
+      return ForwardingJobStore::Get(id);
     }
     absl::StatusOr<JobRecord> Update(std::string_view id, Change change) override {
       if (away) return absl::UnavailableError("away");
-      return ClientJobStore::Update(id, change);
+      return ForwardingJobStore::Update(id, change);
     }
     std::atomic<bool> away = true;
   };
