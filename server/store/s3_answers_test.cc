@@ -176,6 +176,24 @@ TEST(S3Answers, AbandonedUploadsOfOursAreAborted) {
   EXPECT_THAT(stub.Lines(), Contains(HasSubstr("prefix=jobs%2F")));
 }
 
+TEST(S3Answers, RefusalsWith400AreThoseOfTheKeyAndTimeoutsPass) {
+  const auto reason_of = [](const char* code) {
+    S3Stub stub([code](const std::string& line) -> Answer {
+      if (absl::StartsWith(line, "GET")) return {};
+      return {400, absl::StrCat("<Error><Code>", code, "</Code></Error>"), ""};
+    });
+    return Reason(stub.Open()->Put("jobs/1/aa", "x"));
+  };
+  EXPECT_EQ(reason_of("ExpiredToken"), "BLOBS_DENIED");
+  EXPECT_EQ(reason_of("RequestTimeTooSkewed"), "BLOBS_DENIED");
+  EXPECT_EQ(reason_of("RequestTimeout"), "BLOBS_UNAVAILABLE");
+  EXPECT_EQ(reason_of("InvalidArgument"), "STORE_FAILED");
+  S3Stub stub([](const std::string& line) -> Answer {
+    return absl::StartsWith(line, "HEAD") ? Answer{400, "", ""} : Answer();
+  });
+  EXPECT_EQ(Reason(stub.Open()->Get("jobs/1/aa").status()), "BLOBS_DENIED");
+}
+
 TEST(S3Answers, NotFoundAfterAWriteIsAFailureOfTheStore) {
   S3Stub stub([](const std::string& line) {
     return absl::StartsWith(line, "PUT") ? NoSuch("NoSuchKey") : Answer();

@@ -50,11 +50,16 @@ absl::Status StatusOfCode(long code, const S3Request& request, const std::string
   const std::string what =
       absl::StrCat("the blob store answered ", request.method, " ", request.key, " with ", code,
                    " ", reason, " ", XmlText(body, "Message"));
-  if (code == 401 || code == 403 || code == 404) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "BLOBS_DENIED", "blobs",
-                     absl::StrCat(what, "; check the bucket, its policy and the AWS_* variables"));
+  // 400: to HEAD there is no word why; most often it is the token. Others say it.
+  const bool refused_400 = request.method == std::string_view("HEAD") || reason == "ExpiredToken" ||
+                           reason == "TokenRefreshRequired" || reason == "InvalidToken" ||
+                           reason == "RequestTimeTooSkewed";
+  if (code == 401 || code == 403 || code == 404 || (code == 400 && refused_400)) {
+    return MakeError(
+        absl::StatusCode::kFailedPrecondition, "BLOBS_DENIED", "blobs",
+        absl::StrCat(what, "; check the bucket, its policy, the AWS_* variables and the clock"));
   }
-  if (code == 429 || code >= 500) return Unavailable(what);
+  if (code == 429 || code >= 500 || reason == "RequestTimeout") return Unavailable(what);
   return MakeError(absl::StatusCode::kInternal, "STORE_FAILED", "", what);
 }
 

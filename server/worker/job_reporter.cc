@@ -9,6 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "server/store/file_error.h"
 #include "server/worker/while_away.h"
 
 namespace litags {
@@ -37,6 +38,11 @@ std::string LogText(const Progress& p) {
   }
   return text;
 }
+
+bool IsRefused(const absl::Status& status) { return HasReason(status, "BLOBS_DENIED"); }
+
+// A key that expires is replaced, as a store that is away comes back.
+bool IsAwayOrRefused(const absl::Status& status) { return IsAway(status) || IsRefused(status); }
 
 double SecondsSince(SteadyClock::time_point t) {
   return std::chrono::duration<double>(SteadyClock::now() - t).count();
@@ -112,13 +118,19 @@ void JobReporter::End() {
 
 absl::Status JobReporter::Finish(const CancelToken& stop) {
   End();
+  bool said = false;
   const auto write = [&]() -> absl::Status {
     urgent_ = true;  // at each try
-    LITAGS_RETURN_IF_ERROR(WriteWords());
-    return KeepFiles();
+    absl::Status status = WriteWords();
+    if (status.ok()) status = KeepFiles();
+    if (IsRefused(status) && !std::exchange(said, true)) {
+      std::lock_guard lock(mutex_);
+      Log("waiting: the blob store refuses the worker's key");
+    }
+    return status;
   };
-  const absl::Status status =
-      lease_lost_ ? absl::AbortedError("the lease is lost") : WhileAway(stop, write);
+  const absl::Status status = lease_lost_ ? absl::AbortedError("the lease is lost")
+                                          : WhileAway(stop, write, IsAwayOrRefused);
   if (absl::IsAborted(status)) NoteFailure("", status);
   return status;
 }
@@ -155,12 +167,12 @@ void JobReporter::Write() {
 }
 
 absl::Status JobReporter::WriteWords() {
-  const absl::Status progress = WriteProgress();
-  if (absl::IsAborted(progress) || absl::IsUnavailable(progress)) return progress;
-  if (!progress.ok()) NoteFailure("write its progress", progress);
   const absl::Status log = WriteLog();
-  if (absl::IsAborted(log) || absl::IsUnavailable(log)) return log;
+  if (absl::IsAborted(log) || IsAway(log)) return log;
   if (!log.ok()) NoteFailure("write its log", log);
+  const absl::Status progress = WriteProgress();
+  if (absl::IsAborted(progress) || IsAwayOrRefused(progress)) return progress;
+  if (!progress.ok()) NoteFailure("write its progress", progress);
   return absl::OkStatus();
 }
 

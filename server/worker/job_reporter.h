@@ -34,8 +34,9 @@ class JobReporter : public ReconstructObserver {
   void OnLine(std::string_view line) override;
 
   // The engine has ended: ends the thread, writes what is still to be written, and stores what the
-  // folder holds now; stores that are away are waited for until `stop` is raised. ABORTED
-  // (LEASE_LOST), and the errors of storing files: a log that cannot be written costs no file.
+  // folder holds now; stores that are away, and blobs that refuse the key, are waited for until
+  // `stop` is raised. ABORTED (LEASE_LOST), and the errors of storing files: a log that cannot be
+  // written costs no file.
   absl::Status Finish(const CancelToken& stop);
 
  private:
@@ -49,8 +50,8 @@ class JobReporter : public ReconstructObserver {
   // Adds a line to the log; empty: only what programs said. With the mutex held.
   void Log(std::string text);
   absl::Status KeepFiles();
-  // Writes progress and log. The errors of a lease that is lost and of a store that is away; others
-  // are only noted.
+  // Writes log and progress. The errors of a lease that is lost and of a store that is away or
+  // refuses a picture; others are only noted.
   absl::Status WriteWords();
   void NoteFailure(const char* what, const absl::Status& status);
 

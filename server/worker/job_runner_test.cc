@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <filesystem>
@@ -353,6 +354,35 @@ TEST_F(JobRunnerTest, JobWhoseSceneWasNotStoredFails) {
   };
   EXPECT_TRUE(Run().ok());
   EXPECT_EQ(jobs_.Get(id)->state, JobState::kFailed);
+}
+
+// Its key expired while the job ran.
+TEST_F(JobRunnerTest, JobWhoseSceneIsRefusedWaitsUntilItIsTaken) {
+  const std::string id = QueuedJob();
+  blobs_.on_write = [&](std::string_view key) {
+    const std::vector<LogEntry> log = *store_->Log(id, 0, 999);
+    const bool waits = std::any_of(log.begin(), log.end(), [](const LogEntry& entry) {
+      return entry.text == "waiting: the blob store refuses the worker's key";
+    });
+    return waits ? absl::OkStatus() : Denied(key);
+  };
+  EXPECT_TRUE(Run().ok());
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kSucceeded) << jobs_.Get(id)->error;
+}
+
+TEST_F(JobRunnerTest, ShutdownGivesAJobBackWhoseSceneIsRefused) {
+  const std::string id = QueuedJob();
+  CancelToken shutdown;
+  options_.poll_seconds = 0.01;
+  blobs_.on_write = [&](std::string_view key) {
+    shutdown.Cancel();
+    return Denied(key);
+  };
+  EXPECT_TRUE(RunJob(**leases_.Acquire("w1"), context_, options_, shutdown).ok());
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kQueued);
+  blobs_.on_write = NoFault;
+  EXPECT_TRUE(Run().ok());
+  EXPECT_EQ(jobs_.Get(id)->state, JobState::kSucceeded);
 }
 
 TEST_F(JobRunnerTest, JobThatAsksForNoMemoryGetsSevenEighthsOfItsWorkers) {
