@@ -1,6 +1,6 @@
 """The package of client/python as a program uses it, and its example, over connections that break.
 
-The package is installed into a scratch folder; this script runs again with the Python there.
+Its single calls have tests in python_calls_test.py.
 """
 
 import contextlib
@@ -19,20 +19,10 @@ from concurrent import futures
 from unittest import mock
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
-INSTALLED = "LITAGS_PYTHON_PACKAGE"
+sys.path.insert(0, str(SOURCE / "tests/support"))
+import python_package  # noqa: E402
 
-if INSTALLED not in os.environ:
-    sys.path.insert(0, str(SOURCE / "tests/support"))
-    import python_package
-    if why := python_package.missing():
-        print("skipped:", why)
-        sys.exit(python_package.SKIPPED)
-    with tempfile.TemporaryDirectory(prefix="litags-python-") as work:
-        python = python_package.install(work)
-        # The stubs of other tests would stand before those of the package.
-        environment = dict(os.environ, LITAGS_STUBS=work)
-        environment[INSTALLED] = python
-        sys.exit(subprocess.run([python, "-B", *sys.argv], env=environment).returncode)
+python_package.run_installed()
 
 import examples  # noqa: E402
 import grpc  # noqa: E402
@@ -40,61 +30,7 @@ import harness  # noqa: E402
 import litags  # noqa: E402
 import litags.connection  # noqa: E402
 import litags.files  # noqa: E402
-from google.protobuf import empty_pb2  # noqa: E402
-from litags.v1 import errors_pb2, job_pb2  # noqa: E402
-from litags.v1 import reconstruction_service_pb2 as rpc  # noqa: E402
-from litags.v1 import reconstruction_service_pb2_grpc as jobs_grpc  # noqa: E402
-
-
-class BrokenUploads(jobs_grpc.ReconstructionServiceServicer):
-    """A service whose first uploads break for the reasons given; `calls` are those that came."""
-
-    def __init__(self, *reasons):
-        self.reasons, self.calls = list(reasons), []
-        self.lost_start = None
-
-    def CreateJob(self, request, context):
-        return job_pb2.Job(name="jobs/1", state=job_pb2.JOB_STATE_UPLOADING)
-
-    def QueryUpload(self, request, context):
-        return rpc.QueryUploadResponse(files=[rpc.FileStatus() for _ in request.files])
-
-    def UploadImages(self, messages, context):
-        self.calls.append("UploadImages")
-        for _ in messages:
-            pass
-        if not self.reasons:
-            return rpc.UploadImagesResponse()
-        code, reason = self.reasons.pop(0)
-        status = errors_pb2.RpcStatus()
-        status.details.add().Pack(errors_pb2.ErrorDetail(reason=reason))
-        context.set_trailing_metadata([("grpc-status-details-bin", status.SerializeToString())])
-        context.abort(code, "send the rest")
-
-    def StartJob(self, request, context):
-        self.calls.append("StartJob")
-        if self.lost_start:
-            context.abort(self.lost_start, "the answer is lost")
-        return job_pb2.Job(name="jobs/1", state=job_pb2.JOB_STATE_QUEUED)
-
-    def DeleteJob(self, request, context):
-        self.calls.append("DeleteJob")
-        return empty_pb2.Empty()
-
-
-class Resumed(jobs_grpc.ReconstructionServiceServicer):
-    """A service whose job is resumed between its end and the question how it stands."""
-
-    def __init__(self):
-        self.watched = []
-
-    def WatchJob(self, request, context):
-        self.watched.append(request.after_event)
-        yield job_pb2.JobEvent(number=request.after_event + 1)
-
-    def GetJob(self, request, context):
-        return job_pb2.Job(name=request.name, state=job_pb2.JOB_STATE_RUNNING
-                           if len(self.watched) == 1 else job_pb2.JOB_STATE_SUCCEEDED)
+from litags.v1 import job_pb2  # noqa: E402
 
 
 class Package(harness.ServiceTest):
@@ -418,46 +354,6 @@ class Package(harness.ServiceTest):
             self.assertEqual(client.submit(photos, request_id=request), job)
         self.assertEqual(client.wait(job).photos, 3)
 
-    def client_of(self, service, **options):
-        """A client of a service that is not the server's."""
-        server = grpc.server(futures.ThreadPoolExecutor(4))
-        jobs_grpc.add_ReconstructionServiceServicer_to_server(service, server)
-        port = server.add_insecure_port("127.0.0.1:0")
-        server.start()
-        self.addCleanup(lambda: server.stop(0).wait())
-        return self.client(f"127.0.0.1:{port}", **options)
-
-    def test_a_job_that_is_resumed_as_it_ends_is_waited_for(self):
-        service = Resumed()
-        done = self.client_of(service).wait("jobs/1", progress=False)
-        self.assertEqual(done.state, job_pb2.JOB_STATE_SUCCEEDED)
-        self.assertEqual(service.watched, [0, 1])
-
-    def test_uploads_that_stall_go_on(self):
-        service = BrokenUploads((grpc.StatusCode.DEADLINE_EXCEEDED, "UPLOAD_STALLED"),
-                                (grpc.StatusCode.OUT_OF_RANGE, "OFFSET_INVALID"))
-        self.assertEqual(self.client_of(service).submit(self.photos()), "jobs/1")
-        self.assertEqual(service.calls, 3 * ["UploadImages"] + ["StartJob"])
-
-    def test_uploads_that_stall_for_good_leave_the_job(self):
-        service = BrokenUploads((grpc.StatusCode.DEADLINE_EXCEEDED, "UPLOAD_STALLED"))
-        with self.assertRaises(litags.LitagsError) as caught:
-            self.client_of(service, retry_seconds=0).submit(self.photos())
-        self.assertEqual(caught.exception.reason, "UPLOAD_STALLED")
-        self.assertRegex(caught.exception.message, "jobs/1 was not started and is still there")
-        self.assertEqual(service.calls, ["UploadImages"])
-
-    def test_a_start_that_was_not_answered_leaves_the_job(self):
-        for code in (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.INTERNAL):
-            service = BrokenUploads()
-            service.lost_start = code
-            with self.assertRaises(litags.LitagsError) as caught:
-                self.client_of(service, retry_seconds=0).submit(self.photos())
-            self.assertEqual(caught.exception.code, code)
-            self.assertIn("jobs/1 may have been started, see: litags show jobs/1; if it was not, "
-                          "submit the same again", caught.exception.message)
-            self.assertEqual(service.calls, ["UploadImages", "StartJob"])
-
     def test_a_request_of_other_photos_is_another_one(self):
         client = self.client()
         folders = [self.photos(), self.photos(("a.png", "b.png", "d.png"))]
@@ -471,44 +367,6 @@ class Package(harness.ServiceTest):
         _, err = self.litags("submit", folders[0], "--request-id", "one", "--name", "",
                              exit_code=2)
         self.assertIn("with another request;", err)
-
-    def test_progress_is_a_bar_where_tqdm_is_installed(self):
-        client = self.client()
-        job = client.submit(self.photos(), options={"iterations": 40})
-        said = io.StringIO()
-        with contextlib.redirect_stderr(said):
-            with mock.patch.dict(sys.modules, {"tqdm": None}):
-                self.assertEqual(client.wait(job).state, job_pb2.JOB_STATE_SUCCEEDED)
-        self.assertEqual(said.getvalue(), "")
-        bars = []
-
-        class Bar:
-            def __init__(self, desc, unit):
-                self.n, self.total = 0, None
-                bars.append(self)
-
-            def __enter__(self):
-                return self
-
-            def __exit__(self, *_):
-                pass
-
-            def set_postfix_str(self, text, refresh):
-                pass
-
-            def update(self, more):
-                self.n += more
-
-        with mock.patch.dict(sys.modules, {"tqdm": mock.Mock(tqdm=Bar)}):
-            client.wait(job)
-        self.assertEqual([(bar.n, bar.total) for bar in bars], [(40, 40)])
-        try:
-            import tqdm  # noqa: F401
-        except ImportError:
-            return
-        with contextlib.redirect_stderr(said):
-            client.wait(job)
-        self.assertIn(f"{job}: 100%", said.getvalue())
 
 
 class Reconstruct(examples.Refused, harness.ServiceTest):

@@ -6,7 +6,9 @@ import pathlib
 import shutil
 import subprocess
 import sys
+import tempfile
 
+INSTALLED = "LITAGS_PYTHON_PACKAGE"
 SKIPPED = 77  # what CTest takes for "skipped": SKIP_RETURN_CODE
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 
@@ -31,3 +33,19 @@ def install(work):
                     "--no-index", "--no-build-isolation", "--disable-pip-version-check",
                     os.path.join(work, "source/client/python")], check=True)
     return python
+
+
+def run_installed():
+    """Runs this test again with a Python that has the package, and exits; returns where that is this
+    one."""
+    if INSTALLED in os.environ:
+        return
+    if why := missing():
+        print("skipped:", why)
+        sys.exit(SKIPPED)
+    with tempfile.TemporaryDirectory(prefix="litags-python-") as work:
+        python = install(work)
+        # The stubs of other tests would stand before those of the package.
+        environment = dict(os.environ, LITAGS_STUBS=work)
+        environment[INSTALLED] = "1"
+        sys.exit(subprocess.run([python, "-B", *sys.argv], env=environment).returncode)

@@ -37,7 +37,7 @@ _CHANNEL_OPTIONS = [
 
 _ENDED = (job_pb2.JOB_STATE_SUCCEEDED, job_pb2.JOB_STATE_FAILED, job_pb2.JOB_STATE_CANCELLED)
 _START_SECONDS = 5
-_LONG_ATTEMPT = 20  # seconds: longer than it takes to find that there is no server
+_LONG_WATCH = 25  # seconds: longer than it takes to find that there is no server
 
 
 class _Patience:
@@ -46,23 +46,27 @@ class _Patience:
 
     def __init__(self, client: "Client") -> None:
         self._client = client
-        self._start()
+        self._most = -1
+        self.start_anew()
 
-    def _start(self) -> None:
-        self._begun = self._tried = time.monotonic()
+    def start_anew(self) -> None:
+        self._begun = time.monotonic()
         self._pause = 0.2
 
     def arrived(self) -> None:
         self._client._answered = True
-        self._start()
+        self.start_anew()
+
+    def came_to(self, number: int) -> None:
+        """Of a try that begins where others did: something arrived, if it came further than they."""
+        if number > self._most:
+            self._most = number
+            self.arrived()
 
     def wait(self, error: grpc.RpcError) -> None:
         """Returns when it is time for the next attempt, or raises what `error` says."""
         if errors.details(error).details:  # a busy server's, for instance
             self._client._answered = True
-        held = time.monotonic() - self._tried > _LONG_ATTEMPT
-        if held and error.code() != grpc.StatusCode.DEADLINE_EXCEEDED:
-            self._start()
         seconds = self._client._retry_seconds
         if not self._client._answered:
             seconds = min(seconds, _START_SECONDS)
@@ -70,7 +74,6 @@ class _Patience:
             answered = self._client._answered
             raise errors.of_call(error, "" if answered else self._client.server) from error
         time.sleep(self._pause)
-        self._tried = time.monotonic()
         self._pause = min(5, 2 * self._pause)
 
 
@@ -172,6 +175,7 @@ class Client:
         """A job's events after number `after` until it has ended, each once."""
         patience = _Patience(self)
         while True:
+            begun = time.monotonic()
             events = self.jobs.WatchJob(rpc.WatchJobRequest(name=_name(job), after_event=after),
                                         metadata=self.metadata)
             try:
@@ -181,6 +185,9 @@ class Client:
                     patience.arrived()
                 return
             except grpc.RpcError as error:
+                # A watch of a quiet job is as good as one that brought something.
+                if time.monotonic() - begun > _LONG_WATCH:
+                    patience.start_anew()
                 patience.wait(error)
             finally:
                 events.cancel()
@@ -238,11 +245,12 @@ class Client:
             part.unlink(missing_ok=True)
 
     def _export(self, request: model_service_pb2.ExportModelRequest, file: IO[bytes]) -> None:
-        def write(_: _Patience) -> None:
+        def write(patience: _Patience) -> None:
             file.seek(0)
             file.truncate()
             for message in self.models.ExportModel(request, metadata=self.metadata):
                 file.write(message.chunk)
+                patience.came_to(file.tell())
 
         self._persistently(write)
 
@@ -261,21 +269,28 @@ class Client:
 
     def _upload(self, job: str, batch: list[files.File]) -> None:
         query = rpc.QueryUploadRequest(name=job, files=[file.header() for file in batch])
-        most = -1
 
         def send(patience: _Patience) -> None:
-            nonlocal most
             known = self.jobs.QueryUpload(query, metadata=self.metadata).files
-            there = sum(file.size if status.stored else status.offset
-                        for file, status in zip(batch, known, strict=True))
-            if there > most:  # bytes arrived, though the stream broke
-                most = there
-                patience.arrived()
+            reached = sum(file.size if status.stored else status.offset
+                          for file, status in zip(batch, known, strict=True))
             missing = [(file, status.offset) for file, status in zip(batch, known, strict=True)
                        if not status.stored]
-            if missing:
-                for note in self._send(files.upload_messages(job, *zip(*missing))):
+            if not missing:
+                return
+
+            def counted() -> Iterator[rpc.UploadImagesRequest]:
+                nonlocal reached
+                for message in files.upload_messages(job, *zip(*missing)):
+                    yield message
+                    reached += len(message.chunk)
+
+            try:
+                for note in self._send(counted()):
                     _log.warning("not used, of what is in the archive: %s", note)
+            except grpc.RpcError:
+                patience.came_to(reached)  # bytes arrived, though the stream broke
+                raise
 
         self._persistently(send)
 
