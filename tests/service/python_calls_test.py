@@ -1,9 +1,11 @@
-"""Single calls of the package of client/python: tries, exports, uploads."""
+"""Single calls of the package of client/python: tries, exports, uploads that are stopped."""
 
 import contextlib
 import io
 import pathlib
+import signal
 import sys
+import threading
 import unittest
 from concurrent import futures
 from unittest import mock
@@ -17,6 +19,7 @@ python_package.run_installed()
 import grpc  # noqa: E402
 import harness  # noqa: E402
 import litags  # noqa: E402
+import litags.files  # noqa: E402
 from google.protobuf import empty_pb2  # noqa: E402
 from litags.v1 import errors_pb2, job_pb2, model_service_pb2  # noqa: E402
 from litags.v1 import reconstruction_service_pb2 as rpc  # noqa: E402
@@ -137,6 +140,9 @@ class Calls(harness.ServiceTest):
     def path(self, name):
         return pathlib.Path(self.folder, name)
 
+    def names(self):
+        return [job.name for job in self.jobs.ListJobs(rpc.ListJobsRequest(page_size=1000)).jobs]
+
     def client_with_clock(self):
         """A client of a server that has answered, and the time that it sees."""
         client, clock = self.client(), Clock()
@@ -192,6 +198,38 @@ class Calls(harness.ServiceTest):
         with self.assertRaises(litags.LitagsError):
             self.client_of(service).submit(self.photos())
         self.assertEqual(service.calls, 3 * ["UploadImages"])
+
+    def test_an_upload_that_is_interrupted_leaves_no_job(self):
+        handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+        self.addCleanup(signal.signal, signal.SIGINT, handler)
+        main, ended = threading.main_thread().ident, threading.Event()
+
+        def messages(*arguments, whole=litags.files.upload_messages):
+            for message in whole(*arguments):
+                yield message
+                if message.chunk:
+                    signal.pthread_kill(main, signal.SIGINT)
+                    ended.wait(harness.PATIENCE_S)
+
+        client = self.client()
+        before = self.names()
+        threads = threading.active_count()
+        with mock.patch("litags.files.upload_messages", messages):
+            with self.assertRaises(KeyboardInterrupt):
+                client.submit(self.photos(size=(73, 48)))  # which the server has not seen
+            self.assertEqual(self.names(), before)
+            ended.set()
+        self.wait_for(lambda: threading.active_count() <= threads, "the end of the upload")
+
+    def test_a_start_that_is_interrupted_says_that_the_job_may_run(self):
+        client = self.client()
+        with mock.patch.object(client, "jobs", wraps=client.jobs) as jobs, \
+                self.assertLogs("litags", "WARNING") as said, \
+                self.assertRaises(KeyboardInterrupt):
+            jobs.StartJob.side_effect = KeyboardInterrupt
+            client.submit(self.photos())
+        self.assertRegex(said.output[0], r"jobs/(\w+) may have been started, see: litags show jobs/\1; "
+                                         r'.*request_id="[\w-]+"')
 
     def test_a_job_that_is_resumed_as_it_ends_is_waited_for(self):
         service = Resumed()

@@ -37,6 +37,7 @@ _CHANNEL_OPTIONS = [
 
 _ENDED = (job_pb2.JOB_STATE_SUCCEEDED, job_pb2.JOB_STATE_FAILED, job_pb2.JOB_STATE_CANCELLED)
 _START_SECONDS = 5
+_LAST_CALL_SECONDS = 5
 _LONG_WATCH = 25  # seconds: longer than it takes to find that there is no server
 
 
@@ -131,7 +132,7 @@ class Client:
         or an archive of a folder. `cameras`: what `litags submit --cameras` takes (docs/cameras.md).
         `masks`: a folder; without one, that of the name "masks" in the folder of photos, if it is
         there. A photo that the service cannot read is left out and logged as a warning; `strict`
-        refuses it, but of an archive. Removes a job that is refused, unless there is a
+        refuses it, but of an archive. Removes a job that is refused or interrupted, unless there is a
         `request_id`: the same call with the same one goes on with one job."""
         found = files.find_photos(photos)
         if cameras is not None:
@@ -156,14 +157,21 @@ class Client:
             starting = True
             self._call(self.jobs.StartJob,
                        rpc.StartJobRequest(name=job, request_id=str(uuid.uuid4())))
-        except (errors.LitagsError, OSError, ValueError) as error:
-            if isinstance(error, errors.LitagsError) and (
-                    error.may_succeed_later or (starting and not error.is_answer)):
+        except errors.LitagsError as error:
+            if error.may_succeed_later or (starting and not error.is_answer):
                 raise errors.of_left_job(error, job, request.request_id, starting) from error
-            if not request_id:  # refused, or a file is gone: nobody goes on with it
+            if not request_id:  # refused: nobody goes on with it
                 with contextlib.suppress(errors.LitagsError):
                     self._call(self.jobs.DeleteJob,
                                rpc.DeleteJobRequest(name=job, allow_missing=True))
+            raise
+        except BaseException:  # interrupted, or a file is gone
+            if starting:
+                _log.warning("%s", errors.left_job(job, request.request_id, starting))
+            elif not request_id:
+                with contextlib.suppress(grpc.RpcError):  # one try: the user waits for the end
+                    self.jobs.DeleteJob(rpc.DeleteJobRequest(name=job, allow_missing=True),
+                                        metadata=self.metadata, timeout=_LAST_CALL_SECONDS)
             raise
         return job
 
@@ -306,11 +314,14 @@ class Client:
                 unreadable.append(error)
 
         response = rpc.UploadImagesResponse()
+        upload = self.jobs.UploadImages.future(readable(), metadata=self.metadata)
         try:
-            response = self.jobs.UploadImages(readable(), metadata=self.metadata)
+            response = upload.result()
         except grpc.RpcError:
             if not unreadable:
                 raise
+        finally:
+            upload.cancel()  # where the wait was interrupted
         if unreadable:
             raise unreadable[0]
         return response.skipped

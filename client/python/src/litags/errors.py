@@ -66,13 +66,18 @@ def of_call(error: grpc.RpcError, silent_server: str = "") -> LitagsError:
                        may_succeed_later(error))
 
 
-def of_left_job(error: LitagsError, job: str, request_id: str, starting: bool) -> LitagsError:
-    """Of a server that vanished, or stayed busy, before all of `job` was sent, or at its start."""
+def left_job(job: str, request_id: str, starting: bool) -> str:
+    """How `job` stands whose upload, or start, nobody knows the end of."""
     how = (f"may have been started, see: litags show {job}; if it was not, " if starting
            else "was not started and is still there: ")
+    return (f"{job} {how}submit the same again with request_id=\"{request_id}\", or remove it with: "
+            f"litags delete {job}")
+
+
+def of_left_job(error: LitagsError, job: str, request_id: str, starting: bool) -> LitagsError:
+    """Of a server that vanished, or stayed busy, before all of `job` was sent, or at its start."""
     return LitagsError(error.code, error.reason, error.field,
-                       f"{error.message}; {job} {how}submit the same again with "
-                       f"request_id=\"{request_id}\", or remove it with: litags delete {job}",
+                       f"{error.message}; {left_job(job, request_id, starting)}",
                        error.may_succeed_later)
 
 
