@@ -11,13 +11,13 @@ import argparse
 import pathlib
 import sys
 
-from litags import Client, LitagsError
+from litags import Client, LitagsError, model_format
 from litags.v1 import job_pb2
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument("photos", type=pathlib.Path, help="folder")
 parser.add_argument("picture", type=pathlib.Path, help="PNG to write: the first photo's view")
-parser.add_argument("scene", type=pathlib.Path, nargs="?", help=".ply to write")
+parser.add_argument("scene", type=pathlib.Path, nargs="?", help="file to write: .ply, .spz, ...")
 parser.add_argument("--server", default="",
                     help="HOST:PORT; default: LITAGS_SERVER, or this machine's")
 parser.add_argument("--iterations", type=int, help="default: the server's")
@@ -34,6 +34,8 @@ def text_of(event: job_pb2.JobEvent) -> str:
 
 
 try:
+    if args.scene:
+        model_format(args.scene)  # a wrong name is said now, not after hours
     with Client.from_environment(args.server) as client:  # also LITAGS_TOKEN, LITAGS_TLS_CA, ...
         job = client.submit(args.photos, options=job_pb2.JobOptions(iterations=args.iterations))
         said = ""

@@ -2,7 +2,9 @@
 
 import contextlib
 import io
+import os
 import pathlib
+import re
 import signal
 import sys
 import threading
@@ -20,6 +22,7 @@ import grpc  # noqa: E402
 import harness  # noqa: E402
 import litags  # noqa: E402
 import litags.files  # noqa: E402
+import litags.formats  # noqa: E402
 from google.protobuf import empty_pb2  # noqa: E402
 from litags.v1 import errors_pb2, job_pb2, model_service_pb2  # noqa: E402
 from litags.v1 import reconstruction_service_pb2 as rpc  # noqa: E402
@@ -230,6 +233,54 @@ class Calls(harness.ServiceTest):
             client.submit(self.photos())
         self.assertRegex(said.output[0], r"jobs/(\w+) may have been started, see: litags show jobs/\1; "
                                          r'.*request_id="[\w-]+"')
+
+    def test_two_exports_to_one_path_do_not_mix(self):
+        begun = threading.Barrier(2)
+
+        def export(request, metadata):
+            begun.wait(harness.PATIENCE_S)
+            for _ in range(100):
+                yield model_service_pb2.ExportModelResponse(chunk=b"%d" % request.light)
+            begun.wait(harness.PATIENCE_S)
+
+        client = self.client()
+        client.models = mock.Mock(ExportModel=export)
+        with futures.ThreadPoolExecutor(2) as pool:
+            exports = [pool.submit(client.export, "1", self.path("scene.ply"), light=light)
+                       for light in (1, 2)]
+            for export in exports:
+                export.result(harness.PATIENCE_S)
+        self.assertIn(self.path("scene.ply").read_bytes(), (100 * b"1", 100 * b"2"))
+        self.assertEqual(os.listdir(self.folder), ["scene.ply"])
+
+    def test_scenes_have_the_endings_of_litags(self):
+        source = (SOURCE / "client/model_format.cc").read_text()
+        endings = re.search(r"kEndings\[\] = \{(.*?)\n\};", source, re.DOTALL)[1]
+        self.assertEqual([(ending, model_service_pb2.ModelFormat.Name(value))
+                          for ending, value in litags.formats.MODEL_ENDINGS.items()],
+                         re.findall(r'"(.*?)", v1::(\w+)', endings))
+
+    def test_the_ending_says_the_format_and_no_other(self):
+        client = self.client()
+        client.models = mock.Mock(ExportModel=mock.Mock(return_value=[]))
+
+        def format_of(name, **settings):
+            client.export("1", self.path(name), **settings)
+            (request,), _ = client.models.ExportModel.call_args
+            return model_service_pb2.ModelFormat.Name(request.format).removeprefix("MODEL_FORMAT_")
+
+        self.assertEqual(format_of("x.spz"), "SPZ")
+        self.assertEqual(format_of("x.Compressed.PLY"), "COMPRESSED_PLY")
+        for name in ("x.spz", "x", "ply"):
+            self.assertEqual(format_of(name, format="MODEL_FORMAT_SPZ_V4"), "SPZ_V4")
+        self.assertEqual(format_of("x.ply", format="MODEL_FORMAT_POINTS"), "POINTS")
+        for name, settings, words in (
+                ("x.ply", {"format": "MODEL_FORMAT_SPZ"}, r"MODEL_FORMAT_SPZ, not \.ply; .* \.spz"),
+                ("x.glb", {"format": "MODEL_FORMAT_COLMAP"}, r"let the name end with \.zip"),
+                ("x", {}, "x ends with none of .*, or give format"),
+                ("x.obj", {}, r"x.obj ends with none of \.compressed\.ply, ")):
+            with self.assertRaisesRegex(ValueError, words):
+                format_of(name, **settings)
 
     def test_a_job_that_is_resumed_as_it_ends_is_waited_for(self):
         service = Resumed()

@@ -219,7 +219,7 @@ class Package(harness.ServiceTest):
         self.assertTrue(link.is_symlink())
         with futures.ThreadPoolExecutor() as pool:
             read = pool.submit(pipe.read_bytes)
-            client.export(job, pipe)
+            client.export(job, pipe, format="MODEL_FORMAT_PLY")
             self.assertEqual(read.result(harness.PATIENCE_S), scene.read_bytes())
         self.assertTrue(pipe.is_fifo())
 
@@ -400,6 +400,15 @@ class Reconstruct(examples.Refused, harness.ServiceTest):
     def test_what_is_refused_is_said_with_its_reason_and_field(self):
         _, err = self.run_program(self.photos(), self.server.address, -1, exit_code=1)
         self.assertRegex(err, r"INVALID_ARGUMENT \w+, field options.iterations")
+
+    def test_a_scene_of_no_known_format_is_refused_before_there_is_a_job(self):
+        before = self.states()
+        program = subprocess.run([*map(str, self.command), self.photos(), "view.png", "scene.doc"],
+                                 env=dict(os.environ, LITAGS_SERVER=self.server.address),
+                                 capture_output=True, text=True)
+        self.assertEqual(program.returncode, 1)
+        self.assertRegex(program.stderr, r"\Ascene.doc ends with none of [^\n]*\n\Z")
+        self.assertEqual(self.states(), before)
 
     def test_a_job_that_fails_says_why(self):
         _, err = self.run_program(self.photos(("fail.png", "b.png", "c.png")),

@@ -2,5 +2,6 @@
 
 from litags.client import Client
 from litags.errors import LitagsError
+from litags.formats import model_format
 
-__all__ = ["Client", "LitagsError"]
+__all__ = ["Client", "LitagsError", "model_format"]

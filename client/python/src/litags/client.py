@@ -4,6 +4,7 @@ import contextlib
 import logging
 import os
 import pathlib
+import secrets
 import shutil
 import tempfile
 import time
@@ -13,7 +14,7 @@ from typing import IO, Any, Self, TypeVar
 
 import grpc
 
-from litags import connection, errors, files
+from litags import connection, errors, files, formats
 from litags.files import Path
 from litags.v1 import job_pb2, model_service_pb2, render_service_pb2
 from litags.v1 import model_service_pb2_grpc as models_grpc
@@ -233,10 +234,15 @@ class Client:
         return self._call(self.pictures.RenderView, request).data
 
     def export(self, job: str, path: Path, **settings: Any) -> None:
-        """Writes the scene to a file, whole or not at all: a .ply unless `format` says otherwise. A
-        link stays one; a device or a pipe gets the bytes. `settings`: fields of ExportModelRequest,
-        as format="MODEL_FORMAT_SPZ"."""
+        """Writes the scene to a file, whole or not at all, in the format that its name says or
+        `format`. A link stays one; a device or a pipe gets the bytes. `settings`: fields of
+        ExportModelRequest, as format="MODEL_FORMAT_SPZ_V4". ValueError: a name that says no format,
+        or another than `format`."""
         request = model_service_pb2.ExportModelRequest(name=_name(job), **settings)
+        if request.format:
+            formats.check_ending(path, request.format)
+        else:
+            request.format = formats.model_format(path)
         if pathlib.Path(path).exists() and not pathlib.Path(path).is_file():
             with tempfile.TemporaryFile() as scene, open(path, "wb") as sink:
                 self._export(request, scene)
@@ -244,9 +250,9 @@ class Client:
                 shutil.copyfileobj(scene, sink)
             return
         target = pathlib.Path(path).resolve()
-        part = target.with_name(f".{target.name}.{os.getpid()}.part")
+        part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
         try:
-            with part.open("wb") as file:
+            with part.open("xb") as file:
                 self._export(request, file)
             part.replace(target)
         finally:
