@@ -1,4 +1,4 @@
-"""Single calls of the package of client/python: tries, exports, uploads that are stopped."""
+"""Single calls of the package of client/python: tries, exports, views, uploads that are stopped."""
 
 import contextlib
 import io
@@ -6,9 +6,11 @@ import os
 import pathlib
 import re
 import signal
+import struct
 import sys
 import threading
 import unittest
+import zlib
 from concurrent import futures
 from unittest import mock
 
@@ -24,7 +26,7 @@ import litags  # noqa: E402
 import litags.files  # noqa: E402
 import litags.formats  # noqa: E402
 from google.protobuf import empty_pb2  # noqa: E402
-from litags.v1 import errors_pb2, job_pb2, model_service_pb2  # noqa: E402
+from litags.v1 import errors_pb2, job_pb2, model_service_pb2, render_service_pb2  # noqa: E402
 from litags.v1 import reconstruction_service_pb2 as rpc  # noqa: E402
 from litags.v1 import reconstruction_service_pb2_grpc as jobs_grpc  # noqa: E402
 
@@ -79,6 +81,25 @@ class Resumed(jobs_grpc.ReconstructionServiceServicer):
     def GetJob(self, request, context):
         return job_pb2.Job(name=request.name, state=job_pb2.JOB_STATE_RUNNING
                            if len(self.watched) == 1 else job_pb2.JOB_STATE_SUCCEEDED)
+
+
+def codes(png, width, height):
+    """The numbers of a 16-bit grey PNG."""
+    at, data = 8, b""
+    while at < len(png):
+        length, kind = struct.unpack(">I4s", png[at:at + 8])
+        data += png[at + 8:at + 8 + length] if kind == b"IDAT" else b""
+        at += 12 + length
+    data, row, found = zlib.decompress(data), bytes(2 * width + 2), []
+    for y in range(height):
+        above, row = row, bytearray(2)  # one pixel of 0 before each row
+        how, *rest = data[y * (2 * width + 1):(y + 1) * (2 * width + 1)]
+        for i, byte in enumerate(rest):
+            left, up, corner = row[i], above[i + 2], above[i]
+            near = min((left, up, corner), key=lambda value: abs(left + up - corner - value))
+            row.append((byte + (0, left, up, (left + up) // 2, near)[how]) % 256)
+        found += struct.unpack(f">{width}H", row[2:])
+    return found
 
 
 class Clock:
@@ -281,6 +302,26 @@ class Calls(harness.ServiceTest):
                 ("x.obj", {}, r"x.obj ends with none of \.compressed\.ply, ")):
             with self.assertRaisesRegex(ValueError, words):
                 format_of(name, **settings)
+
+    def test_a_depth_picture_gives_the_distances_by_its_range(self):
+        client, job = self.client(), self.finished_job()
+        settings = {"width": 40, "channel": "CHANNEL_DEPTH"}
+        exact = client.view(job, "a.png", format="PICTURE_FORMAT_RAW_FLOAT", **settings)
+        self.assertEqual((exact.width, exact.height, exact.planes), (40, 30, 1))
+        distances = struct.unpack("<1200f", exact.data)
+        view = client.view(job, "a.png", **settings)
+        self.assertEqual(view.data, client.render(job, "a.png", **settings))
+        step = (view.value_max - view.value_min) / 65535
+        self.assertGreater(step, 0)
+        for code, distance in zip(codes(view.data, 40, 30), distances, strict=True):
+            self.assertAlmostEqual(view.value_min + step * code, distance, delta=step)
+
+    def test_a_camera_and_a_pose_are_not_given_together(self):
+        pose = render_service_pb2.Pose(camera="b.png")
+        client, job = self.client(), self.finished_job()
+        self.assertEqual(client.render(job, pose=pose), client.render(job, "b.png"))
+        with self.assertRaisesRegex(ValueError, "give one of them"):
+            client.render(job, "a.png", pose=pose)
 
     def test_a_job_that_is_resumed_as_it_ends_is_waited_for(self):
         service = Resumed()

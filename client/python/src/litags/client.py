@@ -223,15 +223,23 @@ class Client:
         request = render_service_pb2.ListCamerasRequest(name=_name(job))
         return [camera.name for camera in self._call(self.pictures.ListCameras, request).cameras]
 
-    def render(self, job: str, camera: str = "", *,
-               pose: render_service_pb2.Pose | None = None, **settings: Any) -> bytes:
-        """A picture (PNG unless `format` says otherwise) from the camera of the photo of this name,
-        or from a pose. `settings`: fields of RenderSettings, as width=640 or
-        channel="CHANNEL_DEPTH"."""
+    def view(self, job: str, camera: str = "", *,
+             pose: render_service_pb2.Pose | None = None,
+             **settings: Any) -> render_service_pb2.RenderedView:
+        """A picture (PNG unless `format` says otherwise) with its size and range of values, from the
+        camera of the photo of this name or from a pose. `settings`: fields of RenderSettings, as
+        width=640 or channel="CHANNEL_DEPTH"."""
+        if camera and pose is not None:
+            raise ValueError("camera and pose both say from where; give one of them")
         request = render_service_pb2.RenderViewRequest(
             name=_name(job), pose=pose or render_service_pb2.Pose(camera=camera),
             settings=render_service_pb2.RenderSettings(**settings))
-        return self._call(self.pictures.RenderView, request).data
+        return self._call(self.pictures.RenderView, request)
+
+    def render(self, job: str, camera: str = "", *,
+               pose: render_service_pb2.Pose | None = None, **settings: Any) -> bytes:
+        """The bytes of view()."""
+        return self.view(job, camera, pose=pose, **settings).data
 
     def export(self, job: str, path: Path, **settings: Any) -> None:
         """Writes the scene to a file, whole or not at all, in the format that its name says or
