@@ -61,7 +61,8 @@ class Package(harness.ServiceTest):
         limits = (SOURCE / "proto/litags/v1/limits.h").read_text()
         for name, known in (("kPhotoEndings", litags.files.PHOTO_ENDINGS),
                             ("kVideoEndings", litags.files.VIDEO_ENDINGS),
-                            ("kArchiveEndings", litags.files.ARCHIVE_ENDINGS)):
+                            ("kArchiveEndings", litags.files.ARCHIVE_ENDINGS),
+                            ("kDepthEndings", litags.files.DEPTH_ENDINGS)):
             endings = re.search(name + r" = \{(.*?)\}", limits, re.DOTALL)[1]
             self.assertEqual(set(known), set(re.findall(r'"(.*?)"', endings)), name)
 
@@ -257,6 +258,14 @@ class Package(harness.ServiceTest):
             job = self.client().submit(folder, options={"iterations": 5})
         self.assertEqual(said.output, [f"INFO:litags:masks: {masks}"])
         self.assertEqual(self.roles(job), {"PHOTO": ["a.png", "b.png", "c.png"], "MASK": ["a.png"]})
+
+    def test_depth_maps_of_a_folder_go_along(self):
+        folder, maps = self.photos(), pathlib.Path(tempfile.mkdtemp(dir=self.folder))
+        with self.assertRaisesRegex(ValueError, r"holds no depth maps \(\.npy \.pfm \.png\)"):
+            self.client().submit(folder, depth=maps)
+        (maps / "a.png").write_bytes(harness.depth_png())
+        job = self.client().submit(folder, depth=maps, options={"iterations": 5})
+        self.assertEqual(self.roles(job), {"PHOTO": ["a.png", "b.png", "c.png"], "DEPTH": ["a.png"]})
 
     def test_a_job_may_be_given_by_its_id(self):
         client = self.client()

@@ -127,14 +127,15 @@ class Client:
     def submit(self, photos: Path | Iterable[Path], *,
                options: job_pb2.JobOptions | Mapping[str, Any] | None = None,
                labels: Mapping[str, str] | None = None, cameras: Path | None = None,
-               masks: Path | None = None, title: str = "", strict: bool = False,
-               request_id: str = "") -> str:
+               masks: Path | None = None, depth: Path | None = None, title: str = "",
+               strict: bool = False, request_id: str = "") -> str:
         """Sends photos, starts the job and returns its name. `photos`: a folder, a list, a video,
         or an archive of a folder. `cameras`: what `litags submit --cameras` takes (docs/cameras.md).
         `masks`: a folder; without one, that of the name "masks" in the folder of photos, if it is
-        there. A photo that the service cannot read is left out and logged as a warning; `strict`
-        refuses it, but of an archive. Removes a job that is refused or interrupted, unless there is a
-        `request_id`: the same call with the same one goes on with one job."""
+        there. `depth`: a folder of depth maps. A photo that the service cannot read is left out and
+        logged as a warning; `strict` refuses it, but of an archive. Removes a job that is refused or
+        interrupted, unless there is a `request_id`: the same call with the same one goes on with one
+        job."""
         found = files.find_photos(photos)
         if cameras is not None:
             found += files.find_cameras(cameras)
@@ -142,6 +143,8 @@ class Client:
             _log.info("masks: %s", masks)
         if masks is not None:
             found += files.find_masks(masks)
+        if depth is not None:
+            found += files.find_depth(depth)
         if not isinstance(options, job_pb2.JobOptions):
             options = job_pb2.JobOptions(**options or {})
         # With a request_id a repeated call makes no second job, and no second start.

@@ -17,6 +17,7 @@ PHOTO_ENDINGS = frozenset(
     ".raf .orf .rw2 .pef .srw".split())
 VIDEO_ENDINGS = frozenset(".mp4 .mov .m4v .3gp .mkv .webm .avi .mts .m2ts .ts".split())
 ARCHIVE_ENDINGS = (".zip", ".tar", ".tar.gz", ".tgz")
+DEPTH_ENDINGS = (".npy", ".pfm", ".png")
 # As their programs name them.
 CAMERAS_FILES = ("transforms.json", "sfm_data.json", "cameras.sfm", "cameras.xml", "bundle.out")
 CHUNK_BYTES = 256 << 10
@@ -65,7 +66,7 @@ def find_photos(photos: Path | Iterable[Path]) -> list[File]:
         return [File.read(path, rpc.FILE_ROLE_ARCHIVE)]
     paths = _files_of(path, PHOTO_ENDINGS)
     if not paths:
-        raise ValueError(f"{path} holds no photos")
+        raise ValueError(f"{path} holds no photos; give the folder that does: of a dataset its images")
     return [File.read(photo, rpc.FILE_ROLE_PHOTO) for photo in paths]
 
 
@@ -99,6 +100,15 @@ def find_masks(folder: Path) -> list[File]:
         raise ValueError(f"{folder} holds no masks (.png); name them <photo's name>.png, or remove "
                          "the folder")
     return [File.read(mask, rpc.FILE_ROLE_MASK) for mask in masks]
+
+
+def find_depth(folder: Path) -> list[File]:
+    """All depth maps of a folder, each named after its photo (docs/depth.md)."""
+    maps = _files_of(pathlib.Path(folder), DEPTH_ENDINGS)
+    if not maps:
+        raise ValueError(f"{folder} holds no depth maps ({' '.join(DEPTH_ENDINGS)}); name them "
+                         "<photo's name>.npy, or leave depth out")
+    return [File.read(path, rpc.FILE_ROLE_DEPTH) for path in maps]
 
 
 def masks_beside(photos: Path | Iterable[Path]) -> pathlib.Path | None:
