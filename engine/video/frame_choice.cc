@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <numbers>
 #include <opencv2/imgproc.hpp>
 
 #include "engine/core/quantile.h"
+#include "engine/noise/noise_estimate.h"
 
 namespace litags {
 namespace {
@@ -19,8 +21,16 @@ constexpr double kFound = 0.6;
 constexpr double kNewAnchor = 8;
 // Fewer blocks with something in them say nothing.
 constexpr size_t kFewBlocks = 4;
-// A block shows something if its standard deviation is this much of the frame's.
-constexpr double kTexture = 0.1;
+// A block shows something if its standard deviation is this much of the frame's, and if at most
+// this share of its variance is noise. Two pictures of one place correlate by the rest, and what is
+// found has kFound; choice.
+constexpr double kTexture = 0.1, kMostNoise = 0.3;
+// Blurs of the half size, px, of which the first that leaves little enough noise is taken. A wider
+// one leaves a block so few details that noise correlates.
+constexpr double kBlurs[] = {0, 1, 2};
+// Variance of the blur that made the half size, in its px: a Gaussian's of 1 px and a box's of 2 px
+// of the full size.
+constexpr double kHalved = (1 + 0.25) / 4;
 
 cv::Mat Blurred(const cv::Mat& image, double sigma) {
   cv::Mat out;
@@ -45,34 +55,72 @@ double Deviation(const cv::Mat& image) {
   return deviation[0];
 }
 
-// The median shift of the blocks of `from` that show something, px; kReach where they are not
-// found. Negative: nothing shows anything.
-double MedianShift(const cv::Mat& from, const cv::Mat& to) {
-  const double texture = kTexture * Deviation(from);
-  std::vector<double> shifts;
+// Where blocks lie. They keep their distance from the border, so that all of them can move.
+std::vector<cv::Point> Blocks(const cv::Mat& frame) {
+  std::vector<cv::Point> blocks;
+  const int width = frame.cols - 2 * kReach - kBlock, height = frame.rows - 2 * kReach - kBlock;
+  if (width < 0 || height < 0) return blocks;
   for (int i = 0; i < kColumns * kRows; ++i) {
-    // Blocks keep their distance from the border, so that all of them can move.
-    const int x = kReach + (i % kColumns) * (from.cols - 2 * kReach - kBlock) / (kColumns - 1);
-    const int y = kReach + (i / kColumns) * (from.rows - 2 * kReach - kBlock) / (kRows - 1);
-    const cv::Rect block(x, y, kBlock, kBlock);
-    const cv::Rect around(x - kReach, y - kReach, kBlock + 2 * kReach, kBlock + 2 * kReach);
-    const cv::Rect frame(0, 0, from.cols, from.rows);
-    if ((around & frame) != around || !(Deviation(from(block)) > texture)) continue;
+    blocks.emplace_back(kReach + i % kColumns * width / (kColumns - 1),
+                        kReach + i / kColumns * height / (kRows - 1));
+  }
+  return blocks;
+}
+
+cv::Mat BlockAt(const cv::Mat& frame, const cv::Point& at) {
+  return frame(cv::Rect(at.x, at.y, kBlock, kBlock));
+}
+
+// A frame of the half size, that motion is counted from.
+struct Anchor {
+  cv::Mat frame;
+  double blur = 0;                // of kBlurs; `frame` has it
+  std::vector<cv::Point> blocks;  // that show something
+};
+
+// `noise`: the deviation of the full size's, whose values are independent of each other.
+Anchor AnchorAt(const cv::Mat& half, double noise) {
+  Anchor anchor;
+  for (const double blur : kBlurs) {
+    anchor = {blur > 0 ? Blurred(half, blur) : half, blur, {}};
+    // What a Gaussian blur of variance v leaves of it is 1 / (4 pi v); 4 px of the full size are 1.
+    const double left = noise * noise / (16 * std::numbers::pi * (kHalved + blur * blur));
+    const double texture = kTexture * Deviation(anchor.frame);
+    size_t textured = 0;
+    for (const cv::Point& at : Blocks(anchor.frame)) {
+      const double deviation = Deviation(BlockAt(anchor.frame, at));
+      if (!(deviation > texture)) continue;
+      ++textured;
+      if (left <= kMostNoise * deviation * deviation) anchor.blocks.push_back(at);
+    }
+    if (2 * anchor.blocks.size() >= textured) break;
+  }
+  return anchor;
+}
+
+// The median shift of the anchor's blocks, px; kReach where they are not found. Negative: nothing
+// shows anything.
+double MedianShift(const Anchor& anchor, const cv::Mat& half) {
+  if (anchor.blocks.size() < kFewBlocks) return -1;
+  const cv::Mat to = anchor.blur > 0 ? Blurred(half, anchor.blur) : half;
+  std::vector<double> shifts;
+  for (const cv::Point& block : anchor.blocks) {
+    const cv::Rect around(block.x - kReach, block.y - kReach, kBlock + 2 * kReach,
+                          kBlock + 2 * kReach);
     cv::Mat scores;
-    cv::matchTemplate(to(around), from(block), scores, cv::TM_CCOEFF_NORMED);
+    cv::matchTemplate(to(around), BlockAt(anchor.frame, block), scores, cv::TM_CCOEFF_NORMED);
     double best = 0;
     cv::Point at;
     cv::minMaxLoc(scores, nullptr, &best, nullptr, &at);
     shifts.push_back(best < kFound ? kReach : std::hypot(at.x - kReach, at.y - kReach));
   }
-  if (shifts.size() < kFewBlocks) return -1;
   return MedianInPlace(shifts);
 }
 
 }  // namespace
 
 struct FrameMeter::State {
-  cv::Mat anchor;
+  Anchor anchor;
   double motion = 0;  // up to the anchor
 };
 
@@ -92,8 +140,13 @@ FrameFacts FrameMeter::Measure(const Planes& luma) {
   facts.sharpness = SharpnessOf(luma);
   cv::Mat half;
   cv::resize(Blurred(image, 1), half, cv::Size(), 0.5, 0.5, cv::INTER_AREA);
-  if (state_->anchor.empty()) {
-    state_->anchor = half;
+  const auto start_from_here = [&] {
+    const NoiseEstimate noise =
+        NoiseOfChannel(luma.data.data(), luma.width, luma.height, {}, kBelowWhite);
+    state_->anchor = AnchorAt(half, noise.Deviation() / 255);
+  };
+  if (state_->anchor.frame.empty()) {
+    start_from_here();
     return facts;
   }
   const double side = std::max(half.cols, half.rows);
@@ -101,7 +154,7 @@ FrameFacts FrameMeter::Measure(const Planes& luma) {
   facts.motion = state_->motion + std::max(0.0, shift) / side;
   if (shift < 0 || shift >= kNewAnchor) {
     state_->motion = facts.motion;
-    state_->anchor = half;
+    start_from_here();
   }
   return facts;
 }
