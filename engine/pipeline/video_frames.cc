@@ -16,8 +16,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int64_t kMaxNoteBytes = 64 << 10;
-// A video that ends this much before it should has lost its end.
-constexpr double kShareThatIsThere = 0.95;
 
 // Tells videos apart by length, head and tail: reading gigabytes twice takes longer than looking
 // at the frames of most videos.
@@ -44,9 +42,9 @@ std::string Describe(const std::string& name, const PickedFrames& picked) {
       "%d of the %d frames of %s (%.1f s) are the photos: sharp ones at equal "
       "steps of the camera's way",
       picked.chosen, picked.frames, name, picked.seconds);
-  if (picked.seconds < kShareThatIsThere * picked.stated_seconds - 1) {
+  if (picked.whole_seconds > 0) {
     absl::StrAppendFormat(&text, "; the file should last %.1f s: its end is missing",
-                          picked.stated_seconds);
+                          picked.whole_seconds);
   }
   return text;
 }

@@ -17,6 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::Not;
 
 class VideoFrames : public testing::Test {
  protected:
@@ -93,6 +94,20 @@ TEST_F(VideoFrames, AMissingEndIsNoted) {
   Write(bytes.substr(0, bytes.size() / 2));
   ASSERT_TRUE(Pick().ok());
   EXPECT_THAT(notes_, ElementsAre(HasSubstr("the file should last 8.0 s: its end is missing")));
+}
+
+// Matroska states the length of its longest stream.
+TEST_F(VideoFrames, SoundThatLastsLongerIsNoMissingEnd) {
+  TestVideo options;
+  options.container = "matroska";
+  options.sound_seconds = 20;
+  const std::string bytes = EncodeVideo(WalkFrames(160, 90, 240, 2), options);
+  Write(bytes);
+  ASSERT_TRUE(Pick().ok());
+  EXPECT_THAT(notes_, ElementsAre(Not(HasSubstr("missing"))));
+  Write(bytes.substr(0, bytes.size() / 4));
+  ASSERT_TRUE(Pick().ok());
+  EXPECT_THAT(notes_, ElementsAre(HasSubstr("the file should last 20.0 s: its end is missing")));
 }
 
 TEST_F(VideoFrames, ErrorsNameTheVideo) {

@@ -38,7 +38,7 @@ constexpr int kProcessorSeconds = 2 * 3600;
 constexpr size_t kMaxMessageBytes = 2048;
 
 // A line of the process's output: what it is, and the rest.
-//   progress TEXT    frame BYTES    done FRAMES CHOSEN SECONDS STATED    error CODE REASON MESSAGE
+//   progress TEXT    frame BYTES    done FRAMES CHOSEN SECONDS WHOLE     error CODE REASON MESSAGE
 // The bytes of frames go to the file that is its stdin, one after the other.
 constexpr absl::string_view kProgress = "progress", kFrame = "frame", kDone = "done",
                             kError = "error";
@@ -182,7 +182,7 @@ int PickFramesMain(const std::string& path, const std::string& field, int most) 
       });
   if (!picked.ok()) EndWith(ErrorLine(picked.status()));
   EndWith(absl::StrFormat("%s %d %d %.3f %.3f", kDone, picked->frames, picked->chosen,
-                          picked->seconds, picked->stated_seconds));
+                          picked->seconds, picked->whole_seconds));
 }
 
 // Numbers the frames and writes them.
@@ -282,7 +282,7 @@ class Listener {
     done_ = seconds.size() == 2 && absl::SimpleAtoi(words[1], &picked_.frames) &&
             absl::SimpleAtoi(words[2], &picked_.chosen) &&
             absl::SimpleAtod(seconds[0], &picked_.seconds) &&
-            absl::SimpleAtod(seconds[1], &picked_.stated_seconds);
+            absl::SimpleAtod(seconds[1], &picked_.whole_seconds);
   }
 
   static constexpr size_t kMaxReasonBytes = 64;

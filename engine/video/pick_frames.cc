@@ -60,8 +60,8 @@ absl::StatusOr<PickedFrames> PickFrames(std::string_view bytes, const std::strin
   std::vector<int> chosen;
   {
     LITAGS_ASSIGN_OR_RETURN(const auto video, VideoFile::Open(bytes, field));
-    report.stated_seconds = video->info().seconds;
     LITAGS_ASSIGN_OR_RETURN(const auto facts, LookAtAll(*video, reporter, &report));
+    report.whole_seconds = video->WholeSeconds();
     chosen = ChooseFrames(facts, most);
   }
   if (chosen.size() < kMinPhotos) {

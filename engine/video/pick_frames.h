@@ -13,10 +13,10 @@ namespace litags {
 
 // What became of a video.
 struct PickedFrames {
-  int frames = 0;             // that it has
-  int chosen = 0;             // of them
-  double seconds = 0;         // from the first to the last
-  double stated_seconds = 0;  // as the file says; 0: it does not
+  int frames = 0;            // that it has
+  int chosen = 0;            // of them
+  double seconds = 0;        // from the first to the last
+  double whole_seconds = 0;  // that it should last if its end is missing; else 0
 };
 
 // "frame 300 of about 1800 looked at".

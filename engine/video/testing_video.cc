@@ -52,6 +52,7 @@ class Encoder {
     frame_ = av_frame_alloc();
     const bool ready =
         options_.with_sound_only ? OpenSound() : OpenPictures(frames[0].width, frames[0].height);
+    if (options_.sound_seconds > 0) AddSilence();
     AVDictionary* how = nullptr;
     if (options_.contents_first) av_dict_set(&how, "movflags", "frag_keyframe+empty_moov", 0);
     const bool begun = ready && avformat_write_header(format_, &how) >= 0;
@@ -63,6 +64,7 @@ class Encoder {
         for (size_t i = 0; i < frames.size(); ++i) Write(frames[i], static_cast<int64_t>(i));
       }
       Send(nullptr);
+      for (int i = 0; i < options_.sound_seconds; ++i) WriteSilence(i);
       av_write_trailer(format_);
     }
     avio_closep(&format_->pb);
@@ -169,6 +171,29 @@ class Encoder {
     std::memset(frame_->data[0], 0, size_t{2} * kSoundRate);
     frame_->pts = 0;
     Send(frame_);
+  }
+
+  // A stream of PCM behind that of the pictures.
+  void AddSilence() {
+    AVCodecParameters* sound = avformat_new_stream(format_, nullptr)->codecpar;
+    sound->codec_type = AVMEDIA_TYPE_AUDIO;
+    sound->codec_id = AV_CODEC_ID_PCM_S16LE;
+    sound->format = AV_SAMPLE_FMT_S16;
+    sound->sample_rate = kSoundRate;
+    sound->bits_per_coded_sample = 16;
+    sound->block_align = 2;
+    av_channel_layout_default(&sound->ch_layout, 1);
+  }
+
+  void WriteSilence(int second) {
+    av_new_packet(packet_, 2 * kSoundRate);
+    std::memset(packet_->data, 0, static_cast<size_t>(packet_->size));
+    packet_->stream_index = 1;
+    packet_->pts = packet_->dts = second;
+    packet_->duration = 1;
+    packet_->flags |= AV_PKT_FLAG_KEY;
+    av_packet_rescale_ts(packet_, {1, 1}, format_->streams[1]->time_base);
+    av_interleaved_write_frame(format_, packet_);
   }
 
   void Write(const ImageU8& picture, int64_t index) {

@@ -25,6 +25,7 @@ struct TestVideo {
   bool pq = false;
   bool interlaced = false;
   bool with_sound_only = false;  // no pictures
+  int sound_seconds = 0;         // of silence beside the pictures
   std::string sphere;            // "equirectangular", "cubemap": FFmpeg's names
   bool contents_first = false;   // the table of contents before the pictures (MP4, MOV)
 };

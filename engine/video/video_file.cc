@@ -36,6 +36,8 @@ constexpr int64_t kProbeBytes = 8 << 20;
 constexpr int64_t kAnalyzeMicroseconds = 5'000'000;
 // Packets without a frame, such as damaged ones, for each frame that may come.
 constexpr int64_t kPacketsAFrame = 4;
+// A video that ends this much before it should has lost its end.
+constexpr double kShareThatIsThere = 0.95, kSecondsToSpare = 1;
 constexpr char kToH264[] =
     "convert it to H.264 with 8 bits, as with ffmpeg -i IN -pix_fmt yuv420p OUT.mp4";
 
@@ -107,6 +109,11 @@ class RealVideoFile : public VideoFile {
 
   const VideoInfo& info() const override { return info_; }
   double Seconds() const override { return seconds_; }
+
+  double WholeSeconds() const override {
+    const double there = of_longest_stream_ ? last_end_ : seconds_ + frame_seconds_;
+    return there < kShareThatIsThere * info_.seconds - kSecondsToSpare ? info_.seconds : 0;
+  }
 
   absl::StatusOr<bool> Next() override {
     for (;;) {
@@ -217,6 +224,14 @@ class RealVideoFile : public VideoFile {
     info_.width = static_cast<int>(std::lround(stretched_width));
     info_.height = static_cast<int>(std::lround(stretched_height));
     if (SwapsSides()) std::swap(info_.width, info_.height);
+    // Matroska states one length, that of the longest of its streams: sound may go on for longer.
+    of_longest_stream_ =
+        stream_->duration <= 0 || std::string_view(format_->iformat->name).starts_with("matroska");
+    if (of_longest_stream_) {
+      for (unsigned i = 0; i < format_->nb_streams; ++i) {
+        format_->streams[i]->discard = AVDISCARD_DEFAULT;
+      }
+    }
     if (stream_->duration > 0) {
       info_.seconds = double(stream_->duration) * av_q2d(stream_->time_base);
     } else if (format_->duration > 0) {
@@ -291,12 +306,21 @@ class RealVideoFile : public VideoFile {
         avcodec_send_packet(codec_.get(), nullptr);
         return absl::OkStatus();
       }
-      if (++packets_ > kPacketsAFrame * limits_.max_frames) return CheckLength(0, packets_);
+      NoteEndOfPacket();
       const bool ours = packet_->stream_index == stream_->index;
+      packets_ += ours;
+      if (packets_ > kPacketsAFrame * limits_.max_frames) return CheckLength(0, packets_);
       if (ours) avcodec_send_packet(codec_.get(), packet_.get());  // a damaged one gives no frame
       av_packet_unref(packet_.get());
       if (ours) return absl::OkStatus();
     }
+  }
+
+  void NoteEndOfPacket() {
+    if (packet_->pts == AV_NOPTS_VALUE) return;
+    const AVRational unit = format_->streams[packet_->stream_index]->time_base;
+    last_end_ =
+        std::max(last_end_, (double(packet_->pts) + double(packet_->duration)) * av_q2d(unit));
   }
 
   absl::StatusOr<bool> End() const {
@@ -323,6 +347,7 @@ class RealVideoFile : public VideoFile {
     if (stamp != AV_NOPTS_VALUE && first_stamp_ != AV_NOPTS_VALUE) {
       seconds_ = double(stamp - first_stamp_) * av_q2d(stream_->time_base);
     }
+    frame_seconds_ = double(frame.pkt_duration) * av_q2d(stream_->time_base);
     if (frame.interlaced_frame != 0) {
       return Unsupported("is interlaced: each of its frames shows two moments",
                          "take them apart, as with ffmpeg -i IN -vf bwdif -pix_fmt yuv420p "
@@ -355,7 +380,10 @@ class RealVideoFile : public VideoFile {
   int orientation_ = 1;
   int64_t frames_ = 0, packets_ = 0, damaged_ = 0, first_stamp_ = 0;
   int stored_width_ = 0, stored_height_ = 0;
-  double seconds_ = 0;
+  double seconds_ = 0;              // from the first frame to this one
+  double frame_seconds_ = 0;        // that this one lasts
+  bool of_longest_stream_ = false;  // info_.seconds
+  double last_end_ = 0;             // of the packets of all streams that are read, s
 };
 
 constexpr std::string_view kEndings[] = {".mp4",  ".mov", ".m4v", ".3gp",  ".mkv",

@@ -55,6 +55,9 @@ class VideoFile {
   // Goes on to the next frame that is whole; false behind the last one.
   virtual absl::StatusOr<bool> Next() = 0;
 
+  // Behind the last frame: how long a file should last whose end is missing; else 0.
+  virtual double WholeSeconds() const = 0;
+
   // Of the frame that Next() came to.
   virtual double Seconds() const = 0;  // since the first
   // Its luma, not turned upright; 0: black, 1: white. The longer side has `side` px, or what it
