@@ -188,7 +188,7 @@ TEST(ExtremeLight, AFaintPhotoIsLeftOutByName) {
     const auto report = Train(capture.Input(rule == Tone::kPaper ? "paper" : "work"), options);
     ASSERT_TRUE(report.ok()) << report.status();
     EXPECT_THAT(report->dropped, testing::ElementsAre("v003.png"));
-    EXPECT_THAT(report->notes, Contains("v003.png is left out: all its pixels are (0, 0, 0)"));
+    EXPECT_THAT(report->notes, Contains("v003.png is left out: it is of one colour, (0, 0, 0)"));
   }
 }
 

@@ -55,6 +55,10 @@ Planes SmallLuma(const Photo& photo) {
 
 }  // namespace
 
+std::string DescribeFlat(const std::array<uint8_t, 3>& color) {
+  return absl::StrFormat("is of one colour, (%d, %d, %d)", color[0], color[1], color[2]);
+}
+
 ScreenedPhoto LookAt(std::string name, const Photo& photo) {
   ScreenedPhoto look;
   look.name = std::move(name);
@@ -67,13 +71,12 @@ ScreenedPhoto LookAt(std::string name, const Photo& photo) {
   }
   look.mean_code = codes / photo.data.size() / kPhotoCode;
   look.light = light / photo.data.size();
-  // One of a single colour is left out later, for that.
-  const bool flat = FlatColor(photo).has_value();
+  look.flat = FlatColor(photo);
   const Planes luma = SmallLuma(photo);
   look.sharpness = SharpnessOf(luma);
   look.detail = DetailOf(luma);
-  look.structure = flat ? 1 : StructureOf(photo);
-  if (!flat) {
+  look.structure = look.flat.has_value() ? 1 : StructureOf(photo);
+  if (!look.flat.has_value()) {
     Fingerprint f;
     f.Add(photo.data.data(), photo.data.size() * sizeof(int16_t));
     look.pixels = f.Text();
@@ -88,19 +91,27 @@ double MiddleOf(absl::Span<const ScreenedPhoto> photos, double ScreenedPhoto::*m
 }
 
 std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos) {
-  const double middle_light = MiddleOf(photos, &ScreenedPhoto::light);
-  std::vector<double> fine;
-  for (const ScreenedPhoto& photo : photos) fine.push_back(photo.detail.fine);
-  const double middle_fine = MedianInPlace(fine);
   const std::map<std::string, std::string> originals = Originals(photos);
+  const auto original = [&](const ScreenedPhoto& photo) {
+    const auto same = originals.find(photo.pixels);
+    return same == originals.end() ? photo.name : same->second;
+  };
+  std::vector<double> light, fine;
+  for (const ScreenedPhoto& photo : photos) {
+    if (photo.flat.has_value() || original(photo) != photo.name) continue;
+    light.push_back(photo.light);
+    fine.push_back(photo.detail.fine);
+  }
+  const double middle_light = MedianInPlace(light), middle_fine = MedianInPlace(fine);
   // Where most photos are strips, they were cut so: that changes no camera.
   const bool cut = 2 * std::count_if(photos.begin(), photos.end(), IsStrip) >
                    static_cast<std::ptrdiff_t>(photos.size());
   std::vector<std::string> why;
   for (const ScreenedPhoto& photo : photos) {
-    const auto same = originals.find(photo.pixels);
-    if (same != originals.end() && same->second != photo.name) {
-      why.push_back("is the same photo as " + same->second);
+    if (photo.flat.has_value()) {
+      why.push_back(DescribeFlat(*photo.flat));
+    } else if (original(photo) != photo.name) {
+      why.push_back("is the same photo as " + original(photo));
     } else if (photo.structure < kNoStructure && photo.light < kUnlit * middle_light) {
       why.push_back(
           absl::StrFormat("shows nothing but noise (mean code %.1f of 255), as "

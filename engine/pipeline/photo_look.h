@@ -2,6 +2,9 @@
 #ifndef LITAGS_ENGINE_PIPELINE_PHOTO_LOOK_H_
 #define LITAGS_ENGINE_PIPELINE_PHOTO_LOOK_H_
 
+#include <array>
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,11 +23,15 @@ struct ScreenedPhoto {
   double structure = 0;       // as StructureOf has it; 1 of one colour
   double sharpness = 0;       // as FrameFacts::sharpness
   PhotoDetail detail;
-  std::string pixels;  // fingerprint; empty where all have one colour
+  std::optional<std::array<uint8_t, 3>> flat;  // as FlatColor has it
+  std::string pixels;                          // fingerprint; empty where flat
   // Its metadata say what of the sphere it is, so that a run without given cameras takes views of
   // it.
   bool has_views = false;
 };
+
+// "is of one colour, (0, 0, 0)".
+std::string DescribeFlat(const std::array<uint8_t, 3>& color);
 
 ScreenedPhoto LookAt(std::string name, const Photo& photo);
 
@@ -32,8 +39,9 @@ ScreenedPhoto LookAt(std::string name, const Photo& photo);
 double MiddleOf(absl::Span<const ScreenedPhoto> photos, double ScreenedPhoto::*member);
 
 // Why each photo is left out ("is the same photo as a.jpg"); empty: it is used. Left out are photos
-// of nothing but noise (a cap on the lens), blurred ones among sharp ones, of photos with the same
-// pixels all but the one with the shortest name, and strips among photos that are none.
+// of one colour, of nothing but noise (a cap on the lens), blurred ones among sharp ones, of photos
+// with the same pixels all but the one with the shortest name, and strips among photos that are
+// none. Those of one colour, and copies, do not count for what the middle photo is.
 std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos);
 
 }  // namespace litags

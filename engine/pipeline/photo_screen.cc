@@ -347,7 +347,6 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
     if (d.status.ok()) readable.push_back(d.photo);
   }
   ShareDetail(input.rig_views, &readable);
-  screen.middle_light = MiddleOf(readable, &ScreenedPhoto::light);
   const std::vector<std::string> why = WhyLeftOut(readable);
   std::vector<Decoded> used;
   size_t next = 0;  // of those

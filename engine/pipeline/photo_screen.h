@@ -35,7 +35,6 @@ struct PhotoScreen {
   std::vector<std::string> Names() const;
 
   std::vector<ScreenedPhoto> photos;  // to be used, by name
-  double middle_light = 0;            // median of ScreenedPhoto::light, of all that decoded
   std::vector<PhotoLeftOut> left_out;
   MaskPaths masks;                 // given ones, those of the cameras' file, and those found
   std::vector<std::string> notes;  // of all this, one a line

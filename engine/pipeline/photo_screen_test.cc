@@ -102,6 +102,19 @@ TEST(PhotoScreen, ALensCapIsLeftOutByName) {
   EXPECT_THAT(report->notes, Contains(HasSubstr("v002.png is left out: it shows nothing but")));
 }
 
+// A pocket, and a cap whose noise shows.
+TEST(PhotoScreen, APhotoOfOneColourIsLeftOutAlsoWhereMostAre) {
+  const RoomCapture capture(14);
+  for (int i = 0; i < 7; ++i) capture.SetPhoto(i, ImageU8(kW, kH));
+  capture.SetPhoto(7, CapOn(1));
+  const auto screen = Screen(capture.Input("work"));
+  ASSERT_TRUE(screen.ok()) << screen.status();
+  EXPECT_EQ(screen->photos.size(), 6u);
+  ASSERT_EQ(screen->left_out.size(), 8u);
+  EXPECT_EQ(screen->left_out[0].why, "is of one colour, (0, 0, 0)");
+  EXPECT_THAT(screen->left_out[7].why, HasSubstr("nothing but noise"));
+}
+
 TEST(PhotoScreen, UnreadablePhotosAreLeftOutWhileEnoughRemain) {
   const RoomCapture capture(6);
   const auto write = [&](int i, const std::string& bytes) {

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
 #include "engine/core/camera_spread.h"
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
@@ -230,9 +229,8 @@ void TakePhotos(const Context& context, std::vector<OnePhoto> photos, PosedPhoto
   NoiseLevels written, resized;
   for (size_t i = 0; i < photos.size(); ++i) {
     if (photos[i].flat.has_value()) {
-      const auto& [r, g, b] = *photos[i].flat;
-      context.Note(absl::StrFormat("%s is left out: all its pixels are (%d, %d, %d)",
-                                   photos[i].view.name, r, g, b));
+      context.Note(
+          absl::StrCat(photos[i].view.name, " is left out: it ", DescribeFlat(*photos[i].flat)));
       context.report->dropped.push_back(photos[i].view.name);
       --context.report->registered;
       continue;

@@ -26,7 +26,7 @@ TEST(Reconstruct, LeavesOutABlackPhoto) {
   EXPECT_EQ(report->photos, kPhotos);
   EXPECT_EQ(report->registered, kPhotos - 1);
   EXPECT_THAT(report->dropped, ElementsAre("photo3.png"));
-  EXPECT_THAT(report->notes, Contains("photo3.png is left out: all its pixels are (0, 0, 0)"));
+  EXPECT_THAT(report->notes, Contains("photo3.png is left out: it is of one colour, (0, 0, 0)"));
   const auto scene = MakeEngine()->LoadScene(report->scene_path);
   ASSERT_TRUE(scene.ok()) << scene.status();
   EXPECT_EQ((*scene)->views().size(), size_t{kPhotos - 1});

@@ -181,6 +181,7 @@ std::string TableOf(const Inspection& found) {
   const PhotoScreen& screen = found.screen;
   const std::map<std::string, const WidePhoto*> wide_by_name = ByName(found.wide);
   const double middle_sharpness = MiddleOf(screen.photos, &ScreenedPhoto::sharpness);
+  const double middle_light = MiddleOf(screen.photos, &ScreenedPhoto::light);
   constexpr size_t kNameWidth = 32;
   constexpr char kLine[] = "%s %-11s %-17s %-22s %6s %6s %6s  %-5s%s\n";
   std::string text =
@@ -193,7 +194,7 @@ std::string TableOf(const Inspection& found) {
     absl::StrAppendFormat(
         &text, kLine, Padded(photo.name, kNameWidth), absl::StrCat(photo.width, "x", photo.height),
         Lens(info, wide == wide_by_name.end() ? nullptr : wide->second), Exposure(info),
-        absl::StrFormat("%.1f", photo.mean_code), Stops(photo.light, screen.middle_light),
+        absl::StrFormat("%.1f", photo.mean_code), Stops(photo.light, middle_light),
         absl::StrFormat("%.2f", middle_sharpness > 0 ? photo.sharpness / middle_sharpness : 0),
         screen.masks.contains(photo.name) ? "yes" : "-",
         input.cameras_path.empty()               ? ""
