@@ -39,15 +39,12 @@ uint64_t ImagesOf(const fs::path& dir) {
   return count;
 }
 
-// The largest COLMAP model inside a folder or inside its folder sparse; empty: there is none.
+// The folder itself or one in it: the COLMAP model with most images; empty: there is none.
 fs::path LargestModel(const fs::path& dir) {
+  std::vector<fs::path> models = {dir};
   std::error_code ignored;
-  std::vector<fs::path> models;
-  for (const fs::path& parent : {dir, dir / "sparse"}) {
-    for (const auto& entry : fs::directory_iterator(parent, ignored)) {
-      if (IsColmapModel(entry.path())) models.push_back(entry.path());
-    }
-  }
+  for (const auto& entry : fs::directory_iterator(dir, ignored)) models.push_back(entry.path());
+  std::erase_if(models, [](const fs::path& folder) { return !IsColmapModel(folder); });
   std::sort(models.begin(), models.end());
   const auto largest = std::max_element(
       models.begin(), models.end(),
@@ -131,13 +128,14 @@ bool IsColmapModel(const fs::path& dir) {
 fs::path ResolveCameras(const fs::path& path) {
   std::error_code ignored;
   if (!fs::is_directory(path, ignored) || IsColmapModel(path)) return path;
-  const fs::path model = LargestModel(path);
-  if (!model.empty()) return model;
+  if (fs::path model = LargestModel(path / "sparse"); !model.empty()) return model;
   for (const char* name : kCamerasFiles) {
     if (fs::is_regular_file(path / name, ignored)) return path / name;
   }
-  const fs::path inside = LargestModel(path / "colmap");
-  return inside.empty() ? path : inside;
+  for (const fs::path& parent : {path, path / "colmap/sparse", path / "colmap"}) {
+    if (fs::path model = LargestModel(parent); !model.empty()) return model;
+  }
+  return path;
 }
 
 absl::StatusOr<DatasetCameras> CamerasOfDataset(const fs::path& dir, const std::string& photos) {

@@ -16,8 +16,8 @@ std::string CamerasFileNames();
 bool IsColmapModel(const std::filesystem::path& dir);
 
 // What is meant by `--cameras FOLDER`: as the engine's ResolveCameras, it itself, the largest of
-// the models inside or inside its folder sparse, a file of cameras, or a model in its folder
-// colmap.
+// the models of its folder sparse, a file of cameras, or a model in another folder.
+// tests/support/camera_layouts.txt has examples of both.
 std::filesystem::path ResolveCameras(const std::filesystem::path& path);
 
 struct DatasetCameras {

@@ -11,9 +11,11 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "client/cameras_source.h"
 #include "client/client.h"
 #include "client/status.h"
 #include "client/upload.h"
+#include "tests/support/camera_layouts.h"
 
 namespace litags::client {
 namespace {
@@ -156,47 +158,25 @@ TEST_F(ScanCaptureTest, TakesImagesAndCamerasOfADatasetsFolder) {
   }
 }
 
-// As litags inspect: docs/datasets.md has the list.
-TEST_F(ScanCaptureTest, OfSeveralCamerasOfADatasetTheFirstOfTheListIsTaken) {
-  constexpr char kTwice[] = "CAMERAS_TWICE";
-  const struct {
-    std::vector<std::string> sources;
-    std::string used;  // empty: none
-  } layouts[] = {
-      {{"transforms.json", "colmap_text/cameras.txt"}, "transforms.json"},  // of instant-ngp
-      {{"transforms.json", "old/cameras.bin"}, "transforms.json"},
-      {{"transforms.json", "sparse/0/cameras.bin"}, "sparse/0/cameras.bin"},
-      {{"transforms.json", "sparse/cameras.txt"}, "sparse/cameras.txt"},
-      {{"transforms.json", "cameras.bin"}, "cameras.bin"},
-      {{"transforms.json", "cameras.xml"}, "transforms.json"},
-      {{"sfm_data.json", "colmap/sparse/0/cameras.bin"}, "sfm_data.json"},
-      {{"colmap/cameras.bin", "old/cameras.bin"}, "colmap/cameras.bin"},
-      {{"images/transforms.json", "old/cameras.bin"}, "images/transforms.json"},
-      {{"old/cameras.bin"}, "old/cameras.bin"},
-      {{"cameras.txt"}, ""},
-      {{"distorted/sparse/0/cameras.bin", "images_2/transforms.json"}, ""},
-      {{"sfm_data.json", "cameras.xml"}, kTwice},
-      {{"old/cameras.bin", "new/cameras.bin"}, kTwice},
-  };
-  for (const auto& [sources, used] : layouts) {
-    fs::remove_all(dir_ / "d");
-    Write("d/images/a.jpg", "x");
-    for (const std::string& source : sources) {
-      const fs::path path = fs::path("d") / source;
-      Write(path.string(), "");
-      if (path.stem() != "cameras" || path.extension() == ".xml") continue;
-      Write((path.parent_path() / "images").string() + path.extension().string(), "x");
-    }
-    for (const std::string& dir : {(dir_ / "d").string(), (dir_ / "d/").string()}) {
-      const auto capture = ScanCapture(dir, "", "", "");
-      std::string found;
-      if (!capture.ok()) {
-        found = DetailOf(capture.status()).reason();
-        EXPECT_EQ(DetailOf(capture.status()).field(), "--cameras");
-      } else if (capture->files.size() > 1) {
-        found = fs::path(capture->files[1].path).lexically_relative(dir_ / "d").string();
+// As litags inspect, of one table.
+TEST_F(ScanCaptureTest, OfSeveralCamerasOfAFolderTheFirstOfTheListIsTaken) {
+  const auto layouts = CameraLayout::All();
+  ASSERT_FALSE(layouts.empty());
+  for (const CameraLayout& layout : layouts) {
+    layout.Write(dir_ / "d");
+    SCOPED_TRACE(layout.files[0].first);
+    const std::string named = CameraLayout::Seen(ResolveCameras(dir_ / "d"), dir_ / "d");
+    EXPECT_EQ(named, layout.named == "-" ? "." : layout.named);
+    for (const fs::path& dir : {dir_ / "d", dir_ / "d/"}) {
+      const auto alone = CamerasOfDataset(dir, "images");
+      if (layout.alone == "?") {
+        EXPECT_EQ(DetailOf(alone.status()).reason(), "CAMERAS_TWICE");
+        EXPECT_EQ(DetailOf(alone.status()).field(), "--cameras");
+        continue;
       }
-      EXPECT_EQ(found, used) << sources[0];
+      ASSERT_TRUE(alone.ok()) << alone.status();
+      const std::string used = alone->used.empty() ? "-" : CameraLayout::Seen(alone->used, dir);
+      EXPECT_EQ(used, layout.alone);
     }
   }
 }

@@ -53,15 +53,12 @@ uint64_t ImagesOf(const fs::path& dir) {
   return count;
 }
 
-// The largest COLMAP model inside a folder or inside its folder sparse; empty: there is none.
+// The folder itself or one in it: the COLMAP model with most images; empty: there is none.
 fs::path LargestModel(const fs::path& dir) {
-  std::vector<fs::path> found;
-  for (const fs::path& parent : {dir, dir / "sparse"}) {
-    std::error_code ignored;
-    for (const auto& entry : fs::directory_iterator(parent, ignored)) {
-      if (IsColmapModel(entry.path())) found.push_back(entry.path());
-    }
-  }
+  std::vector<fs::path> found = {dir};
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(dir, ignored)) found.push_back(entry.path());
+  std::erase_if(found, [](const fs::path& folder) { return !IsColmapModel(folder); });
   std::sort(found.begin(), found.end());
   const auto largest = std::max_element(
       found.begin(), found.end(),
@@ -99,15 +96,17 @@ bool IsCamerasFileName(std::string_view name) {
 }
 
 std::string ResolveCameras(const std::string& path) {
+  const fs::path dir(path);
   std::error_code ignored;
-  if (!fs::is_directory(path, ignored) || IsColmapModel(path)) return path;
-  if (const fs::path model = LargestModel(path); !model.empty()) return model;
+  if (!fs::is_directory(dir, ignored) || IsColmapModel(dir)) return path;
+  if (const fs::path model = LargestModel(dir / "sparse"); !model.empty()) return model;
   for (const char* name : kFileNames) {
-    const fs::path file = fs::path(path) / name;
-    if (fs::is_regular_file(file, ignored)) return file;
+    if (fs::is_regular_file(dir / name, ignored)) return dir / name;
   }
-  const fs::path inside = LargestModel(fs::path(path) / "colmap");
-  return inside.empty() ? path : inside.string();
+  for (const fs::path& parent : {dir, dir / "colmap/sparse", dir / "colmap"}) {
+    if (const fs::path model = LargestModel(parent); !model.empty()) return model;
+  }
+  return path;
 }
 
 absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view field,

@@ -15,9 +15,10 @@ namespace litags {
 // Whether a program names its file of cameras so: "transforms.json".
 bool IsCamerasFileName(std::string_view name);
 
-// What to read for `path`. For a folder without a COLMAP model: that of the models inside, or
-// inside its folder sparse, which has most images, else its transforms.json, or the file of another
-// program by the name that this gives it, else a model in its folder colmap; else `path` itself.
+// What to read for `path`. For a folder without a COLMAP model: that of its folder sparse, or in
+// it, which has most images; else its transforms.json, or the file of another program by the name
+// that this gives it; else a model in another folder, or in colmap/sparse; else `path` itself.
+// tests/support/camera_layouts.txt has examples.
 std::string ResolveCameras(const std::string& path);
 
 // Cameras of any program that is known, told by the text: transforms.json, OpenMVG's, Meshroom's,

@@ -166,6 +166,27 @@ class Package(harness.ServiceTest):
         self.assertEqual(found(),
                          {f"sparse/1/{name}.bin" for name in ("cameras", "images", "points3D")})
 
+    def test_of_several_cameras_of_a_folder_the_first_of_the_list_is_taken(self):
+        table = (SOURCE / "tests/support/camera_layouts.txt").read_text()
+        for number, line in enumerate(table.splitlines()):
+            if line.startswith("#"):
+                continue
+            names, used, _ = line.split(" | ")
+            folder = pathlib.Path(self.folder, f"layout-{number}")
+            for name, _, images in (word.partition("=") for word in names.split()):
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                images = int(images or 0)
+                lines = b"1 1 0 0 0 0 0 0 1 a.png\n" * images
+                head = images.to_bytes(8, "little") if name.endswith(".bin") else b""
+                (folder / name).write_bytes(head + lines)
+            with self.subTest(line):
+                if used == "-":
+                    self.assertRaises(ValueError, litags.files.find_cameras, folder)
+                    continue
+                found = litags.files.find_cameras(folder)[0].path
+                is_file = "." in used[1:]
+                self.assertEqual(found if is_file else found.parent, folder / used)
+
     def test_an_archive_with_masks_and_a_video(self):
         folder = self.photos()
         masks = pathlib.Path(self.folder, "covers")

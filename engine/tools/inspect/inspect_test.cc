@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/subprocess.h"
+#include "engine/io/cameras_io.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/exif_test_util.h"
@@ -18,8 +19,10 @@
 #include "engine/io/mask_io.h"
 #include "engine/io/test_util.h"
 #include "engine/tools/contact_sheet/contact_sheet.h"
+#include "engine/tools/inspect/dataset_folder.h"
 #include "engine/tools/inspect/photo_sheet.h"
 #include "engine/video/testing_video.h"
+#include "tests/support/camera_layouts.h"
 
 namespace litags {
 namespace {
@@ -248,6 +251,28 @@ TEST_F(Inspect, AFolderOfADatasetIsReadAsAnArchiveOfIt) {
   EXPECT_THAT(text_, HasSubstr("not used: images_2/ (the photos are those in images/)"));
   EXPECT_THAT(text_, HasSubstr("not used: transforms.json (the cameras are those in sparse/0)"));
   EXPECT_THAT(text_, HasSubstr("images: 1 of 6 photos have a camera"));
+}
+
+// As litags submit, of one table.
+TEST(DatasetFolder, OfSeveralCamerasTheFirstOfTheListIsTaken) {
+  const auto layouts = CameraLayout::All();
+  ASSERT_FALSE(layouts.empty());
+  TempDir temp;
+  const std::string dir = temp / "d";
+  for (const CameraLayout& layout : layouts) {
+    layout.Write(dir);
+    SCOPED_TRACE(layout.files[0].first);
+    const std::string named = CameraLayout::Seen(ResolveCameras(dir), dir);
+    EXPECT_EQ(named, layout.named == "-" ? "." : layout.named);
+    std::string photos = dir, cameras, masks, depth;
+    const absl::Status status = UseDatasetFolder(true, &photos, &cameras, &masks, &depth);
+    if (layout.alone == "?") {
+      EXPECT_EQ(Reason(status), "CAMERAS_TWICE");
+      continue;
+    }
+    ASSERT_TRUE(status.ok()) << status;
+    EXPECT_EQ(cameras.empty() ? "-" : CameraLayout::Seen(cameras, dir), layout.alone);
+  }
 }
 
 TEST_F(Inspect, CamerasOfADatasetThatNoRuleTellsApartAreRefused) {

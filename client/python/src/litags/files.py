@@ -133,13 +133,14 @@ def find_cameras(cameras: Path) -> list[File]:
 
 
 def _cameras_of(path: pathlib.Path) -> pathlib.Path:
-    """The folder itself, if it is a COLMAP model, or what is in it: the largest model, also in its
-    folder sparse, a file of cameras, or a model in its folder colmap. client/cameras_source.cc has the
-    same rule."""
+    """The folder itself, if it is a COLMAP model, or what is in it: the largest model of its folder
+    sparse, a file of cameras, or a model in another folder. client/cameras_source.cc has the same
+    rule."""
     if not path.is_dir() or _is_model(path):
         return path
     files = [path / name for name in CAMERAS_FILES if (path / name).is_file()]
-    for found in (_models_of(path), files, _models_of(path / "colmap")):
+    for found in (_models_of(path / "sparse"), files, _models_of(path),
+                  _models_of(path / "colmap/sparse"), _models_of(path / "colmap")):
         if found:
             return found[0]
     raise ValueError(f"{path} has neither a COLMAP model nor {', '.join(CAMERAS_FILES)}; give the "
@@ -151,10 +152,9 @@ def _is_model(folder: pathlib.Path) -> bool:
 
 
 def _models_of(folder: pathlib.Path) -> list[pathlib.Path]:
-    """COLMAP models inside a folder or inside its folder sparse, the largest first."""
-    inside = [path for parent in (folder, folder / "sparse") if parent.is_dir()
-              for path in sorted(parent.iterdir()) if _is_model(path)]
-    return sorted(inside, key=_images_of, reverse=True)
+    """The folder itself and those in it that are COLMAP models, the largest first."""
+    inside = sorted(folder.iterdir()) if folder.is_dir() else []
+    return sorted(filter(_is_model, [folder, *inside]), key=_images_of, reverse=True)
 
 
 def _images_of(model: pathlib.Path) -> int:
