@@ -251,25 +251,27 @@ absl::Status AddMasks(Capture* capture) {
                                "the folder"));
 }
 
-absl::Status AddDepth(const std::string& dir, bool named, Capture* capture) {
+absl::Status AddDepth(const std::string& dir, Capture* capture) {
   const size_t others = capture->files.size();
   const absl::Status status =
       ScanFolder(dir, "--depth", v1::FILE_ROLE_DEPTH, v1::kDepthEndings, capture);
-  if (!status.ok() || !named || capture->files.size() > others) return status;
+  if (!status.ok() || capture->files.size() > others) return status;
   return BadInput("NO_DEPTH_MAPS", "--depth",
                   absl::StrCat(dir, ": holds no depth maps (", Joined(v1::kDepthEndings),
                                "); convert them, name them <photo's name>.npy, or leave --depth "
                                "out"));
 }
 
-bool HoldsPhotos(const fs::path& dir) {
+bool HoldsAny(const fs::path& dir, Endings endings) {
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(dir, error)) {
     const bool hidden = entry.path().filename().string().starts_with(".");
-    if (!hidden && HasEnding(entry.path(), v1::kPhotoEndings)) return true;
+    if (!hidden && HasEnding(entry.path(), endings)) return true;
   }
   return false;
 }
+
+bool HoldsPhotos(const fs::path& dir) { return HoldsAny(dir, v1::kPhotoEndings); }
 
 // A dataset's folder, as of nerfstudio, 3DGS or Mip-NeRF 360, holds no photos itself, but images/
 // (or smaller copies, images_2/) beside their cameras: puts the folders within in place of what the
@@ -289,7 +291,14 @@ absl::Status UseDatasetFolder(Places* places, std::vector<std::string>* notes) {
     places->photos = dir / name;
     notes->push_back(absl::StrCat("photos: ", places->photos));
     use(&places->masks, {"masks", "mask"});
-    use(&places->depth, {"depths", "depth"});
+    std::string depth = places->depth;
+    use(&depth, {"depths", "depth"});
+    if (places->depth.empty() && !depth.empty() && !HoldsAny(depth, v1::kDepthEndings)) {
+      notes->push_back(absl::StrCat("not used: ", depth,
+                                    " (it holds no depth maps: ", Joined(v1::kDepthEndings), ")"));
+    } else {
+      places->depth = depth;
+    }
     if (!places->cameras.empty()) return absl::OkStatus();
     const auto cameras = CamerasOfDataset(dir, name);
     if (!cameras.ok()) return cameras.status();
@@ -357,9 +366,7 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
   absl::Status status = UseDatasetFolder(&places, &capture.notes);
   if (status.ok()) status = AddPhotos(places.photos, &capture);
   if (status.ok() && !places.cameras.empty()) status = AddCameras(places.cameras, &capture);
-  if (status.ok() && !places.depth.empty()) {
-    status = AddDepth(places.depth, /*named=*/!depth_dir.empty(), &capture);
-  }
+  if (status.ok() && !places.depth.empty()) status = AddDepth(places.depth, &capture);
   if (!status.ok()) return status;
   const fs::path beside = fs::path(places.photos) / "masks";
   if (std::error_code ignored; places.masks.empty() && fs::is_directory(beside, ignored)) {

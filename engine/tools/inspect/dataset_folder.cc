@@ -69,6 +69,16 @@ std::string FolderIn(const fs::path& dir, std::initializer_list<const char*> nam
   return "";
 }
 
+// Whether one of its files ends as those that FindDepthMap looks for.
+bool HoldsDepthMaps(const std::string& dir) {
+  std::error_code ignored;
+  const fs::directory_iterator files(dir, ignored);
+  return std::any_of(begin(files), end(files), [](const fs::directory_entry& file) {
+    const std::string ending = file.path().extension();
+    return ending == ".png" || ending == ".pfm" || ending == ".npy";
+  });
+}
+
 std::optional<DatasetFolder> ReadDatasetFolder(const std::string& dir) {
   if (ListPhotos(dir, "dir").ok()) return std::nullopt;
   const DatasetLayout layout(FilesIn(dir));
@@ -80,6 +90,10 @@ std::optional<DatasetFolder> ReadDatasetFolder(const std::string& dir) {
   found.masks = FolderIn(dir, {"masks", "mask"});
   found.depth = FolderIn(dir, {"depths", "depth"});
   found.notes = layout.Notes();
+  if (!found.depth.empty() && !HoldsDepthMaps(found.depth)) {
+    found.notes.push_back(found.depth + " (it holds no depth maps: .png .pfm .npy)");
+    found.depth.clear();
+  }
   return found;
 }
 

@@ -275,6 +275,16 @@ TEST(DatasetFolder, OfSeveralCamerasTheFirstOfTheListIsTaken) {
   }
 }
 
+TEST_F(Inspect, DepthOfADatasetThatIsNotReadIsNotUsed) {
+  fs::create_directories(dir_ / "room/images");
+  fs::copy(photos_, dir_ / "room/images");
+  fs::create_directory(dir_ / "room/depth");
+  ASSERT_TRUE(WriteFileAtomically(dir_ / "room/depth/p0.exr", "x").ok());
+  EXPECT_EQ(Run({dir_ / "room"}), 0) << text_;
+  EXPECT_THAT(text_, HasSubstr("not used: " + (dir_ / "room/depth") +
+                               " (it holds no depth maps: .png .pfm .npy)\n"));
+}
+
 TEST_F(Inspect, CamerasOfADatasetThatNoRuleTellsApartAreRefused) {
   fs::create_directories(dir_ / "room/images");
   fs::copy(photos_, dir_ / "room/images");
