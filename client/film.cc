@@ -19,10 +19,12 @@ namespace litags::client {
 namespace {
 
 constexpr char kProgram[] = "litags-film", kField[] = "--video";
+constexpr int kDescriptor = 3;
 constexpr int kSaidWhy = 2;  // its exit code behind an error that it has printed
 
-// With `socket` as its standard input and output; errno if it cannot be started.
-int Spawn(const std::vector<std::string>& command, int socket, pid_t* pid) {
+// With `socket` as its standard input and output and `file` as kDescriptor; errno if it cannot be
+// started.
+int Spawn(const std::vector<std::string>& command, int socket, int file, pid_t* pid) {
   std::vector<char*> argv;
   for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
@@ -30,6 +32,7 @@ int Spawn(const std::vector<std::string>& command, int socket, pid_t* pid) {
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_adddup2(&actions, socket, STDIN_FILENO);
   posix_spawn_file_actions_adddup2(&actions, socket, STDOUT_FILENO);
+  posix_spawn_file_actions_adddup2(&actions, file, kDescriptor);
   const int error = posix_spawnp(pid, argv[0], &actions, nullptr, argv.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
   return error;
@@ -43,13 +46,15 @@ Film::~Film() {
 
 absl::Status Film::Start(const std::string& path, int frames_per_second) {
   path_ = path;
+  if (absl::Status opened = file_.Open(path); !opened.ok()) return opened;
   // Not a pipe: writing to a program that has ended must be no signal.
   int ends[2];
   int error = socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) == 0 ? 0 : errno;
   if (error == 0) {
     input_ = ends[0];
-    error = Spawn({SiblingProgram(kProgram), "--fps", absl::StrCat(frames_per_second), "--", path},
-                  ends[1], &pid_);
+    error = Spawn({SiblingProgram(kProgram), "--fps", absl::StrCat(frames_per_second),
+                   "--descriptor", absl::StrCat(kDescriptor), "--", path},
+                  ends[1], file_.descriptor(), &pid_);
     close(ends[1]);
   }
   if (error == 0) return IsReady() ? absl::OkStatus() : Failed();
@@ -77,7 +82,7 @@ absl::Status Film::Finish() {
   const bool sent = Send("0\n");
   const int exit = End();
   said_why_ = exit == kSaidWhy;
-  return exit == 0 && sent ? absl::OkStatus() : Failed();
+  return exit == 0 && sent ? file_.Commit() : Failed();
 }
 
 bool Film::Send(std::string_view bytes) {

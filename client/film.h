@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "absl/status/status.h"
+#include "client/picture_file.h"
 
 namespace litags::client {
 
@@ -21,7 +22,7 @@ class Film {
   ~Film();
 
   // `path` ends with .webm or .mp4. FAILED_PRECONDITION (VIDEO_PROGRAM_MISSING), INVALID_ARGUMENT
-  // (VIDEO_FAILED) if it cannot be written.
+  // (VIDEO_FAILED) if litags-film refuses it; errors of OutputFile, Finish() too.
   absl::Status Start(const std::string& path, int frames_per_second);
   // The next frame, a PNG or JPEG. INVALID_ARGUMENT (VIDEO_FAILED) once litags-film has given up;
   // Finish() likewise.
@@ -39,6 +40,7 @@ class Film {
   bool Send(std::string_view bytes);
 
   std::string path_;
+  OutputFile file_{"--video"};
   pid_t pid_ = -1;
   bool said_why_ = false;
   int input_ = -1;  // our end of its standard input and output

@@ -30,6 +30,8 @@ class OutputFile {
   absl::Status Open(const std::string& path);
   absl::Status Write(std::string_view bytes);
   absl::Status Commit();
+  // Of what is open: for another program that writes it.
+  int descriptor() const { return fileno(file_); }
 
  private:
   // Closes and removes what was begun.

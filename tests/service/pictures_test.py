@@ -150,6 +150,23 @@ class Pictures(harness.ServiceTest):
         self.assertEqual((process.returncode, err), (130, "interrupted\n"))
         self.assertEqual(os.listdir(self.folder), [])
 
+    def test_a_video_is_not_left_whose_program_is_killed(self):
+        job = self.finished_job()
+        self.folder = self.new_folder()
+        process = self.start_litags("path", job, "--orbit", "--frames", "5000", "--size",
+                                    "64x48", "--video", self.path("v.webm"))
+
+        def film():
+            with open(f"/proc/{process.pid}/task/{process.pid}/children") as file:
+                return file.read().split()
+
+        self.wait_for(lambda: film() and os.listdir(self.folder), "a beginning")
+        os.kill(int(film()[0]), signal.SIGKILL)  # as Ctrl-C of a terminal ends both
+        _, err = process.communicate(timeout=harness.PATIENCE_S)
+        self.assertEqual(process.returncode, 2)
+        self.assertIn("VIDEO_FAILED", err)
+        self.assertEqual(os.listdir(self.folder), [])
+
     def test_a_path_through_cameras_begins_and_ends_at_them(self):
         job = self.finished_job()
         self.litags("path", job, "--keyframes", "a.png", "c.png", "--frames", "5", "--format", "raw",

@@ -38,16 +38,21 @@ absl::StatusOr<std::string> ReadPicture(std::FILE* in) {
 
 }  // namespace
 
-absl::Status WriteFilm(std::FILE* in, std::FILE* out, const std::string& path,
+absl::Status WriteFilm(std::FILE* in, std::FILE* out, std::FILE* video, const std::string& path,
                        int frames_per_second) {
-  LITAGS_ASSIGN_OR_RETURN(const auto video, VideoWriter::Create(path, frames_per_second, kField));
+  if (video == nullptr) {
+    return InvalidInput("VIDEO_INPUT_INVALID", kField,
+                        "--descriptor is no open file; let litags path --video start this program");
+  }
+  LITAGS_ASSIGN_OR_RETURN(const auto writer,
+                          VideoWriter::Create(video, path, frames_per_second, kField));
   std::fprintf(out, "%s\n", kFilmReady);
   std::fflush(out);
   for (;;) {
     LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadPicture(in));
-    if (bytes.empty()) return video->Finish();
+    if (bytes.empty()) return writer->Finish();
     LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, DecodeImage(bytes, kField));
-    LITAGS_RETURN_IF_ERROR(video->Add(picture));
+    LITAGS_RETURN_IF_ERROR(writer->Add(picture));
   }
 }
 

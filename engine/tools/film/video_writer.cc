@@ -7,8 +7,6 @@ extern "C" {
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
-#include <filesystem>
-#include <random>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -21,8 +19,6 @@ extern "C" {
 
 namespace litags {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr int kIoBytes = 64 << 10;
 
@@ -68,26 +64,17 @@ int64_t SeekFile(void* file, int64_t offset, int whence) {
   return ftello(static_cast<std::FILE*>(file));
 }
 
-// What a symbolic link names in the end, whether it is there or not; other paths as they are.
-std::string WithoutLinks(fs::path path) {
-  constexpr int kMostLinks = 40;  // of Linux
-  std::error_code error;
-  for (int i = 0; i < kMostLinks && fs::is_symlink(path, error); ++i) {
-    path = path.parent_path() / fs::read_symlink(path, error);
-  }
-  return path.string();
-}
-
 class FfmpegWriter : public VideoWriter {
  public:
-  FfmpegWriter(std::string path, std::string field, int frames_per_second)
-      : path_(std::move(path)), field_(std::move(field)), frames_per_second_(frames_per_second) {}
+  FfmpegWriter(std::FILE* file, std::string path, std::string field, int frames_per_second)
+      : path_(std::move(path)),
+        field_(std::move(field)),
+        frames_per_second_(frames_per_second),
+        file_(file) {}
 
   ~FfmpegWriter() override {
     io_.reset();
-    if (file_ == nullptr) return;
-    std::fclose(file_);
-    RemovePart();
+    if (file_ != nullptr) std::fclose(file_);
   }
 
   absl::Status Init() {
@@ -100,8 +87,7 @@ class FfmpegWriter : public VideoWriter {
                                        ": the name does not say a video format; end it "
                                        "with .webm or .mp4"));
     }
-    LITAGS_RETURN_IF_ERROR(FindEncoder());
-    return OpenFile();
+    return FindEncoder();
   }
 
   absl::Status Add(const ImageU8& picture) override {
@@ -129,13 +115,8 @@ class FfmpegWriter : public VideoWriter {
     if (av_write_trailer(format_.get()) < 0) return WriteFailed();
     avio_flush(io_.get());
     std::FILE* file = std::exchange(file_, nullptr);
-    const bool closed = io_->error >= 0 && std::fclose(file) == 0;
-    if (closed && (part_path_.empty() || std::rename(part_path_.c_str(), target_.c_str()) == 0)) {
-      return absl::OkStatus();
-    }
-    const absl::Status status = WriteFailed();
-    RemovePart();
-    return status;
+    const bool written = io_->error >= 0;
+    return std::fclose(file) == 0 && written ? absl::OkStatus() : WriteFailed();
   }
 
  private:
@@ -147,28 +128,6 @@ class FfmpegWriter : public VideoWriter {
                                   container_->codec, " (", container_->encoder,
                                   "); choose the other of .webm and .mp4, or install a "
                                   "libavcodec with that encoder"));
-  }
-
-  absl::Status OpenFile() {
-    std::error_code ignored;
-    const fs::file_status there = fs::status(path_, ignored);
-    if (fs::exists(there) && !fs::is_regular_file(there)) {  // a device or a folder
-      file_ = std::fopen(path_.c_str(), "wbe");
-    } else {
-      target_ = WithoutLinks(path_);
-      part_path_ =
-          absl::StrCat(target_, ".", absl::Hex(std::random_device()(), absl::kZeroPad8), ".part");
-      file_ = std::fopen(part_path_.c_str(), "wbxe");
-    }
-    if (file_ != nullptr) return absl::OkStatus();
-    return InvalidInput(
-        "OUTPUT_NOT_WRITABLE", field_,
-        absl::StrCat(path_, ": cannot be written (", std::generic_category().message(errno),
-                     "); choose another name or make its folder"));
-  }
-
-  void RemovePart() const {
-    if (!part_path_.empty()) std::remove(part_path_.c_str());
   }
 
   // The first frame's size is the video's.
@@ -273,11 +232,10 @@ class FfmpegWriter : public VideoWriter {
   }
 
   const std::string path_, field_;
-  std::string target_, part_path_;  // none: what is no file is written as it is
   const int frames_per_second_;
+  std::FILE* file_;  // null once it is closed
   const Container* container_ = nullptr;
   const AVCodec* encoder_ = nullptr;
-  std::FILE* file_ = nullptr;
   int width_ = 0, height_ = 0;  // of the pictures
   int64_t frames_ = 0;
   AvOwned<AVIOContext> io_;
@@ -290,11 +248,12 @@ class FfmpegWriter : public VideoWriter {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<VideoWriter>> VideoWriter::Create(const std::string& path,
+absl::StatusOr<std::unique_ptr<VideoWriter>> VideoWriter::Create(std::FILE* file,
+                                                                 const std::string& path,
                                                                  int frames_per_second,
                                                                  const std::string& field) {
   av_log_set_level(AV_LOG_ERROR);
-  auto writer = std::make_unique<FfmpegWriter>(path, field, frames_per_second);
+  auto writer = std::make_unique<FfmpegWriter>(file, path, field, frames_per_second);
   LITAGS_RETURN_IF_ERROR(writer->Init());
   return writer;
 }

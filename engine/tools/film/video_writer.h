@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_TOOLS_FILM_VIDEO_WRITER_H_
 #define LITAGS_ENGINE_TOOLS_FILM_VIDEO_WRITER_H_
 
+#include <cstdio>
 #include <memory>
 #include <string>
 
@@ -11,17 +12,17 @@
 
 namespace litags {
 
-// Writes a video that takes its name only when it is complete. BT.709, 8 bits, 4:2:0. Not
-// thread-safe; encoders have threads of their own.
+// Writes a video: BT.709, 8 bits, 4:2:0. Not thread-safe; encoders have threads of their own.
 class VideoWriter {
  public:
-  // By the ending of `path`: .webm or .mp4. `field` names the option in errors. INVALID_ARGUMENT:
-  // VIDEO_FORMAT_UNKNOWN (another ending), OUTPUT_NOT_WRITABLE; FAILED_PRECONDITION
-  // (VIDEO_ENCODER_MISSING): FFmpeg's libraries here have no encoder for it.
-  static absl::StatusOr<std::unique_ptr<VideoWriter>> Create(const std::string& path,
+  // By the ending of `path`: .webm or .mp4. `file`: that of this name, empty; it is closed at the
+  // end. `field` names the option in errors. INVALID_ARGUMENT (VIDEO_FORMAT_UNKNOWN): another
+  // ending; FAILED_PRECONDITION (VIDEO_ENCODER_MISSING): FFmpeg's libraries here have no encoder
+  // for it.
+  static absl::StatusOr<std::unique_ptr<VideoWriter>> Create(std::FILE* file,
+                                                             const std::string& path,
                                                              int frames_per_second,
                                                              const std::string& field);
-  // Without Finish() nothing is left behind.
   virtual ~VideoWriter() = default;
 
   // The next frame. All have the size of the first; of odd sides the last row or column is left
