@@ -3,6 +3,7 @@
 #ifndef LITAGS_ENGINE_TRAIN_CROP_H_
 #define LITAGS_ENGINE_TRAIN_CROP_H_
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -22,6 +23,13 @@ struct CropGrid {
 
   CropGrid(int photo_width, int photo_height, int64_t pixels);
   int cells() const { return columns * rows; }
+  // Of the mean cell, px.
+  double LargerSide() const { return std::max(double(width) / columns, double(height) / rows); }
+  // What a loss that is a mean over a crop is to be multiplied by, so that every pixel has the same
+  // part in the sum over many crops: its pixels over those of the mean cell.
+  double WeightOf(const PixelRect& crop) const {
+    return double(crop.width) * crop.height * cells() / (double(width) * height);
+  }
 };
 
 // The crop of a photo's visit number `visit`: every cell once, in a random order, before any again.

@@ -65,8 +65,8 @@ void DensityStats::Reset(size_t n) {
   views.assign(n, 0);
 }
 
-void DensityStats::Add(const ViewStats& view, int width, int height) {
-  const float to_half_image = 0.5f * std::max(width, height);
+void DensityStats::Add(const ViewStats& view, double larger_side) {
+  const float to_half_image = static_cast<float>(0.5 * larger_side);
   for (size_t i = 0; i < grad.size(); ++i) {
     if (!view.visible[i]) continue;
     grad[i] += view.grad_means2d[i] * to_half_image;

@@ -30,11 +30,11 @@ struct SplatState {
 // Sums over the views since the last density step that saw the Gaussian; index = Gaussian. Its
 // score is grad / views.
 struct DensityStats {
-  std::vector<float> grad;   // |dL/dmean2d|, in units of half the larger side of image or crop
+  std::vector<float> grad;   // |dL/dmean2d|, in units of half the larger side of image or mean crop
   std::vector<float> views;  // that saw it
 
   void Reset(size_t n);
-  void Add(const ViewStats& view, int width, int height);
+  void Add(const ViewStats& view, double larger_side);
 };
 
 // One density step. Gaussians whose score exceeds recipe.densify_grad become two, as recipe.growth

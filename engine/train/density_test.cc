@@ -240,9 +240,9 @@ TEST(Density, StatsCountOnlyViewsWhereAGaussianIsSeen) {
   ViewStats view;
   view.visible = {1, 0, 1};
   view.grad_means2d = {0.5f, 99, 0.25f};
-  stats.Add(view, 40, 20);
+  stats.Add(view, 40);
   view.visible = {0, 0, 1};
-  stats.Add(view, 40, 20);
+  stats.Add(view, 40);
   EXPECT_EQ(stats.views, (std::vector<float>{1, 0, 2}));
   EXPECT_EQ(stats.grad, (std::vector<float>{10, 0, 10}));
 }

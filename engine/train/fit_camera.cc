@@ -32,7 +32,7 @@ absl::StatusOr<Camera> FitCamera(const TrainOptions& training, const Model& mode
     const TrainView& compared = pyramid.Compared(step, 0, step, &cropped, &settings.crop);
     renderer.Forward(model.splats, pose.Apply(compared.view.camera), settings, &rendered, &alpha);
     objective.Evaluate(compared, rendered, PdmWeights(), step, /*denoise=*/false, &v_rendered,
-                       nullptr);
+                       nullptr, pyramid.GridOf(step, 0).WeightOf(settings.crop));
     renderer.Backward(model.splats, v_rendered, Planes(), [](size_t, const float*, uint32_t) {});
     const double lr =
         FallingRate(recipe.lr_cameras, recipe.lr_cameras_final, double(step) / kFitSteps);

@@ -55,7 +55,8 @@ RenderSettings Objective::Settings(bool denoise) const {
 
 StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
                                const PdmWeights& weights, int iteration, bool denoise,
-                               Planes* v_rendered, PdmWeights* v_weights) {
+                               Planes* v_rendered, PdmWeights* v_weights, double weight) {
+  weight_ = weight;
   ZeroLike(options_.threads, rendered, v_rendered);
   UnpackImage(view.target, workspace_, &target_);
   UnpackInformation(view.information);
@@ -64,7 +65,7 @@ StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
   }
   StepLosses losses;
   CopyMasked(view.mask, rendered, target_);
-  losses.reconstruction = ReconstructionLoss(rendered, target_, 1.0, *v_rendered, workspace_);
+  losses.reconstruction = ReconstructionLoss(rendered, target_, weight, *v_rendered, workspace_);
   ZeroMasked(view.mask, *v_rendered);
   return losses;
 }
@@ -90,13 +91,14 @@ StepLosses Objective::EvaluateLita(const TrainView& view, const Planes& rendered
   const Recipe& recipe = options_.recipe;
   losses.exposure = ExposureLoss(R, v_color);
   losses.reconstruction = ProductReconstructionLoss(
-      R, illumination, input_, recipe.weight_reconstruction, v_color,
+      R, illumination, input_, weight_ * recipe.weight_reconstruction, v_color,
       PlanesSpan(*v_rendered, kChannelIllumination, 3), workspace_, {}, information_);
   if (denoise) {
     ZeroLike(options_.threads, R, &v_previous_);
     const PlanesView previous = stages > 1 ? PlanesView(pdm_.R(stages - 1)) : R0;
-    losses.denoise = MseLoss(R, previous, recipe.weight_denoise, v_color, v_previous_, workspace_) +
-                     TvLoss(R, TvNorm::kSquared, recipe.weight_tv, v_color, workspace_);
+    losses.denoise =
+        MseLoss(R, previous, weight_ * recipe.weight_denoise, v_color, v_previous_, workspace_) +
+        TvLoss(R, TvNorm::kSquared, weight_ * recipe.weight_tv, v_color, workspace_);
     ZeroMasked(view.mask, v_previous_);
   }
   AddStructureLosses(view, rendered, iteration, v_rendered, &losses);
@@ -137,7 +139,8 @@ void Objective::HideLowWeights(PlanesView R) {
 }
 
 double Objective::ExposureLoss(PlanesView R, PlanesSpan v_R) {
-  const double ssim = options_.recipe.exposure_ssim, weight = options_.recipe.weight_exposure;
+  const double ssim = options_.recipe.exposure_ssim,
+               weight = weight_ * options_.recipe.weight_exposure;
   if (ssim == 0) return L1Loss(R, target_, weight, v_R, workspace_, information_);
   return ReconstructionLoss(R, target_, weight, v_R, workspace_, {.l1 = 1 - ssim, .ssim = ssim},
                             information_);
@@ -148,9 +151,9 @@ void Objective::AddStructureLosses(const TrainView& view, const Planes& rendered
   if (options_.recipe.use_prior && !view.structure.empty()) {
     UnpackPlane(view.structure, 1.0f / 255.0f, workspace_, &structure_);
     CopyMasked(view.mask, PlanesView(rendered, kChannelStructure, 1), structure_);
-    losses->prior =
-        L1Loss(PlanesView(rendered, kChannelStructure, 1), structure_, options_.recipe.weight_prior,
-               PlanesSpan(*v_rendered, kChannelStructure, 1), workspace_);
+    losses->prior = L1Loss(PlanesView(rendered, kChannelStructure, 1), structure_,
+                           weight_ * options_.recipe.weight_prior,
+                           PlanesSpan(*v_rendered, kChannelStructure, 1), workspace_);
   }
   if (options_.recipe.use_depth && view.depth.has_value()) {
     const DepthMap* map = &*view.depth;
@@ -163,7 +166,7 @@ void Objective::AddStructureLosses(const TrainView& view, const Planes& rendered
     const PlanesView confidence =
         map->confidence.empty() ? PlanesView() : PlanesView(map->confidence);
     losses->depth = DepthLoss(PlanesView(rendered, kChannelDepth, 1), map->depth, confidence,
-                              patches, options_.recipe.weight_depth,
+                              patches, weight_ * options_.recipe.weight_depth,
                               PlanesSpan(*v_rendered, kChannelDepth, 1), workspace_)
                         .Sum();
   }

@@ -34,9 +34,11 @@ class Objective {
 
   // Evaluates at `rendered` [C, H, W], with R = PDM(R_0) if `denoise`, else R = R_0. C is
   // NumChannels(), or Settings(denoise).num_channels. Writes v_rendered (same shape) and, if
-  // `denoise`, v_weights.
+  // `denoise`, v_weights. All losses and gradients are multiplied by `weight`
+  // (CropGrid::WeightOf()).
   StepLosses Evaluate(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
-                      int iteration, bool denoise, Planes* v_rendered, PdmWeights* v_weights);
+                      int iteration, bool denoise, Planes* v_rendered, PdmWeights* v_weights,
+                      double weight = 1);
 
   // Whether the options want the PDM in this iteration.
   bool Denoises(int iteration) const {
@@ -66,6 +68,7 @@ class Objective {
   Pdm pdm_;
   Planes target_, input_, information_, structure_, v_previous_;
   DepthMap depth_;
+  double weight_ = 1;  // of the view that is evaluated
   double denoise_seconds_ = 0;
 };
 

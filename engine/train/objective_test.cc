@@ -8,6 +8,7 @@
 
 #include "engine/core/simd_test_util.h"
 #include "engine/target/information.h"
+#include "engine/train/crop.h"
 #include "engine/train/loss_test_util.h"
 #include "engine/train/objective_test_util.h"
 #include "engine/train/train_test_util.h"
@@ -211,6 +212,36 @@ TEST(Objective, InformationWeighsPhotoAndTarget) {
   EXPECT_LT(none.exposure, plain.exposure);
   EXPECT_LT(none.reconstruction, plain.reconstruction);
   EXPECT_EQ(none.prior, plain.prior);
+}
+
+// Cells at the rim have 0.25 to 2.25 times the pixels of the mean one, and losses are means.
+TEST(Objective, EveryPixelOfAPhotoHasTheSamePartInItsCrops) {
+  constexpr int kSide = 64, kVisits = 16000;
+  const CropGrid grid(kSide, kSide, kSide * kSide / 4);
+  ASSERT_EQ(grid.cells(), 4);
+  TrainOptions options;
+  options.recipe = LitagsPaper();
+  options.recipe.use_pdm = options.recipe.use_prior = options.recipe.use_depth = false;
+  options.recipe.weight_reconstruction = 0;
+  TrainView white;
+  white.photo = white.target = PhotoFromU8(ImageU8(kSide, kSide));
+  std::fill(white.target.data.begin(), white.target.data.end(), kPhotoWhite);
+  Objective objective(options);
+  std::vector<double> pull(kSide * kSide);
+  TrainView cropped;
+  for (int visit = 0; visit < kVisits; ++visit) {
+    const PixelRect crop = DrawCrop(grid, 1, 0, visit);
+    CropView(white, crop, 1, &cropped);
+    Planes rendered(kWithoutNoise, crop.height, crop.width), v_rendered;
+    objective.Evaluate(cropped, rendered, {}, 0, false, &v_rendered, nullptr, grid.WeightOf(crop));
+    for (int y = 0; y < crop.height; ++y) {
+      for (int x = 0; x < crop.width; ++x) {
+        pull[(crop.y + y) * kSide + crop.x + x] -= v_rendered.at(0, y, x);
+      }
+    }
+  }
+  const auto [least, most] = std::minmax_element(pull.begin(), pull.end());
+  EXPECT_LT(*most / *least, 1.1);
 }
 
 TEST(Objective, WithoutPdmThereIsNoNoise) {

@@ -8,7 +8,6 @@
 #include "engine/core/mask.h"
 #include "engine/core/quantile.h"
 #include "engine/core/splats.h"
-#include "engine/train/crop.h"
 
 namespace litags {
 namespace {
@@ -165,10 +164,15 @@ int ViewPyramid::LevelOf(int iteration) const {
   return levels_ - static_cast<int>(iteration / coarse_iterations_ * levels_);
 }
 
+CropGrid ViewPyramid::GridOf(int iteration, size_t index) const {
+  const Photo& photo = View(LevelOf(iteration), index).photo;
+  return {photo.width, photo.height, options_.recipe.crop_pixels};
+}
+
 const TrainView& ViewPyramid::Compared(int iteration, size_t index, uint64_t visit,
                                        TrainView* cropped, PixelRect* crop) const {
   const TrainView& view = View(LevelOf(iteration), index);
-  const CropGrid grid(view.photo.width, view.photo.height, options_.recipe.crop_pixels);
+  const CropGrid grid = GridOf(iteration, index);
   *crop = DrawCrop(grid, options_.seed, index, visit);
   if (grid.cells() == 1) return view;
   CropView(view, *crop, options_.threads, cropped);

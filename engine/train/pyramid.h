@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "engine/train/crop.h"
 #include "engine/train/options.h"
 #include "engine/train/train_view.h"
 
@@ -52,6 +53,9 @@ class ViewPyramid {
   // Most Gaussians of a scene while photos of this level are learnt. Smaller photos have fewer
   // pixels to explain; more Gaussians would only learn their noise.
   int64_t MostGaussians(int level) const;
+
+  // How photo `index` is cut in that iteration.
+  CropGrid GridOf(int iteration, size_t index) const;
 
   // What `iteration` compares of photo `index`, on the photo's visit number `visit`: all of it at
   // the iteration's level, or a crop, cut to `cropped`. `crop`: where that is.

@@ -253,6 +253,7 @@ void Trainer::Impl::Start(Splats initial) {
 
 // One step of gradient descent on a photo.
 absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
+  const CropGrid grid = pyramid.GridOf(state.iteration, photo);
   PixelRect crop;
   const TrainView& view =
       pyramid.Compared(state.iteration, photo, state.iteration / num_views, &cropped, &crop);
@@ -272,7 +273,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   {
     Timer timer(&phases.losses);
     losses = objective.Evaluate(view, rendered, state.pdm, state.iteration, denoise, &v_rendered,
-                                &v_pdm);
+                                &v_pdm, grid.WeightOf(crop));
   }
   if (const char* term = NotFinite(losses); term != nullptr) {
     const std::string pixels = PixelsNotFinite(rendered, crop, ShrinkOf(view, photo));
@@ -304,7 +305,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
     }
   }
   if (state.iteration < density.GrowthEnd()) {
-    state.density.Add(renderer.stats(), crop.width, crop.height);
+    state.density.Add(renderer.stats(), grid.LargerSide());
   }
   return losses;
 }
