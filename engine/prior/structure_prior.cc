@@ -199,6 +199,8 @@ absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photo
   result.floor = IntensityFloor(photos, threads, masks);
   if (threads <= 0) threads = DefaultThreadCount();
   std::vector<absl::Status> status(photos.size());
+  int largest = 0;
+  for (const Photo& photo : photos) largest = std::max({largest, photo.width, photo.height});
 
   // The scale must be known before values are rounded to bytes. Until then they are kept in 16
   // bits: less than what training holds of a photo later.
@@ -207,10 +209,13 @@ absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photo
   ParallelFor(threads, photos.size(), [&](size_t i, int thread) {
     status[i] = cancel.Check();
     if (!status[i].ok()) return;
-    const auto prior = StructurePrior(ToPlanes(photos[i]),
-                                      PriorSigma(photos[i].width, photos[i].height), result.floor);
+    const int width = photos[i].width, height = photos[i].height;
+    auto prior = StructurePrior(ToPlanes(photos[i]), PriorSigma(width, height), result.floor);
     status[i] = prior.status();
     if (!prior.ok()) return;
+    // Of the same picture, a smaller photo has steeper edges.
+    const float slope = static_cast<float>(std::max(width, height)) / static_cast<float>(largest);
+    for (float& value : prior->data) value *= slope;
     ForCounted(MaskOf(masks, i), prior->data.size(),
                [&](size_t k) { ++counts[thread][Code(prior->data[k])]; });
     codes[i].resize(prior->data.size());

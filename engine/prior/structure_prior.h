@@ -43,11 +43,12 @@ struct CapturePriors {
   double floor = 0;  // IntensityFloor()
 };
 
-// P of every photo, divided by the 99th percentile (choice) of P > 0 over all of them so that L1
-// has one scale for the capture; `masks`: see MaskOf, only pixels that count decide the scale.
-// Deterministic for any `threads` (<= 0: all cores). `done` is called with ParallelFor's thread for
-// every photo. CANCELLED on request, INVALID_ARGUMENT for a capture with a photo that is too small
-// or without any structure.
+// P of every photo, with slopes by the photos' sides, not by pixels, so that the same picture has
+// the same map at any size; divided by the 99th percentile (choice) of P > 0 over all of them so
+// that L1 has one scale for the capture; `masks`: see MaskOf, only pixels that count decide the
+// scale. Deterministic for any `threads` (<= 0: all cores). `done` is called with ParallelFor's
+// thread for every photo. CANCELLED on request, INVALID_ARGUMENT for a capture with a photo that is
+// too small or without any structure.
 absl::StatusOr<CapturePriors> ComputeCapturePriors(absl::Span<const Photo> photos, int threads,
                                                    const CancelToken& cancel,
                                                    absl::Span<const PlaneU8> masks = {},

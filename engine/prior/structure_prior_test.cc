@@ -127,6 +127,27 @@ TEST(CapturePriors, ShareOneScaleThatClipsOnePercent) {
   EXPECT_NEAR(double(above) / total, 0.01, 0.002);
 }
 
+TEST(CapturePriors, OfAPictureAtTwoSizesAreAlike) {
+  const auto edge = [](int width, int height) {
+    ImageU8 photo(width, height);
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        std::fill_n(photo.pixel(x, y), 3, uint8_t(x < width / 2 ? 60 : 120));
+      }
+    }
+    return PhotoFromU8(photo);
+  };
+  const auto priors =
+      ComputeCapturePriors(std::vector<Photo>{edge(1200, 60), edge(600, 30)}, 2, CancelToken());
+  ASSERT_TRUE(priors.ok()) << priors.status();
+  const auto mean = [](const PlaneU8& map) {
+    double sum = 0;
+    for (const uint8_t value : map.data) sum += value;
+    return sum / static_cast<double>(map.data.size());
+  };
+  EXPECT_NEAR(mean(priors->maps[1]) / mean(priors->maps[0]), 1, 0.05);
+}
+
 TEST(CapturePriors, AreTheSameBytesForAnyNumberOfThreads) {
   std::vector<Photo> photos;
   for (int i = 0; i < 5; ++i) photos.push_back(MakePhoto(70, 50, 0.5, 0.01, i));
