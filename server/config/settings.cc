@@ -97,17 +97,20 @@ absl::Status Settings::ReadFile(const std::string& path) {
     return InvalidInput("CONFIG_INVALID", "--config", absl::StrCat(path, ": ", error.what()));
   }
   for (CLI::ConfigItem& item : items) {
-    const std::string key = item.fullname();
-    const CLI::Option* option =
-        item.parents.empty() ? app_->get_option_no_throw("--" + item.name) : nullptr;
+    if (!item.parents.empty()) {
+      return InvalidInput("CONFIG_KEY_UNKNOWN", item.parents[0],
+                          absl::StrCat(path, " has a section [", item.parents[0],
+                                       "]; settings stand without sections: remove that line"));
+    }
+    const CLI::Option* option = app_->get_option_no_throw("--" + item.name);
     if (!option || rules_.command_line_only.count(item.name) > 0) {
-      return InvalidInput("CONFIG_KEY_UNKNOWN", key,
-                          absl::StrCat(path, ": there is no setting \"", key,
+      return InvalidInput("CONFIG_KEY_UNKNOWN", item.name,
+                          absl::StrCat(path, ": there is no setting \"", item.name,
                                        "\"; --print-config lists those there are"));
     }
     if (!file_.emplace(item.name, std::move(item.inputs)).second) {
-      return InvalidInput("CONFIG_KEY_TWICE", key,
-                          absl::StrCat(path, " sets \"", key, "\" twice; keep one line"));
+      return InvalidInput("CONFIG_KEY_TWICE", item.name,
+                          absl::StrCat(path, " sets \"", item.name, "\" twice; keep one line"));
     }
   }
   return absl::OkStatus();

@@ -148,7 +148,9 @@ TEST_F(SettingsTest, MistakesAreNamed) {
 }
 
 TEST_F(SettingsTest, SectionsAreRefused) {
-  EXPECT_THAT(Refusal("[server]\njobs = 3\n"), HasSubstr("CONFIG_KEY_UNKNOWN server"));
+  EXPECT_EQ(Refusal("[server]\njobs = 3\n"), "CONFIG_KEY_UNKNOWN server");
+  EXPECT_THAT(std::string(Complete("", "[server]\njobs = 3\n").message()),
+              HasSubstr("has a section [server]; settings stand without sections"));
 }
 
 TEST_F(SettingsTest, OptionsOfOneRunDoNotBelongIntoAFile) {
