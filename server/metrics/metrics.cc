@@ -10,7 +10,8 @@ namespace {
 const prometheus::Histogram::BucketBoundaries kSeconds = {
     0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60};
 
-constexpr const char* kStoreReasons[] = {"STORE_FAILED", "STORE_CORRUPT", "DISK_FULL"};
+constexpr const char* kStoreReasons[] = {"STORE_FAILED", "STORE_CORRUPT",     "DISK_FULL",
+                                         "BLOBS_DENIED", "BLOBS_UNAVAILABLE", "BLOB_DAMAGED"};
 
 }  // namespace
 
@@ -41,7 +42,7 @@ Metrics::Families::Families()
                           .Add({})),
       store_errors(prometheus::BuildCounter()
                        .Name("litags_store_errors_total")
-                       .Help("Calls, and looks for metrics and health, that failed in the store")
+                       .Help("Calls, and looks for metrics and health, that failed in a store")
                        .Register(registry)) {
   // There from the start, so that the first error is an increase.
   for (const char* reason : kStoreReasons) store_errors.Add({{"reason", reason}});

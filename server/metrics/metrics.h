@@ -22,7 +22,7 @@ class Metrics {
   void AddUploadedBytes(int64_t bytes);
   // A worker ended by itself and is replaced.
   void AddWorkerRestart();
-  // The error, if it is one of the store: reason STORE_FAILED, STORE_CORRUPT or DISK_FULL.
+  // The error, if it is one of the stores that docs/operations.md names.
   void AddIfStoreError(const absl::Status& status);
 
  private:
