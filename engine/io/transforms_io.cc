@@ -405,9 +405,9 @@ std::map<std::string, std::string> MaskPathsOfTransforms(std::string_view json) 
   const auto read = [&](const Json& frame) -> absl::Status {
     if (!frame.is_object()) return absl::OkStatus();
     const auto photo = frame.find("file_path"), mask = frame.find("mask_path");
-    if (photo == frame.end() || mask == frame.end()) return absl::OkStatus();
-    if (!photo->is_string() || !mask->is_string()) return absl::OkStatus();
-    paths[photo->get<std::string>()] = mask->get<std::string>();
+    if (photo == frame.end() || !photo->is_string()) return absl::OkStatus();
+    std::string& path = paths[photo->get<std::string>()];
+    if (mask != frame.end() && mask->is_string()) path = mask->get<std::string>();
     return absl::OkStatus();
   };
   return parser.Run(read).ok() ? paths : std::map<std::string, std::string>();

@@ -27,7 +27,8 @@ absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_v
 absl::StatusOr<SparseModel> ParseTransforms(std::string_view json, std::string_view field,
                                             int default_width = 0, int default_height = 0);
 
-// What frames have as mask_path, by their file_path; empty for what is no such file.
+// What frames have as mask_path, by their file_path, empty of those without; nothing for what is no
+// such file.
 std::map<std::string, std::string> MaskPathsOfTransforms(std::string_view json);
 
 // The inverse; file_path is `image_folder`/name (or the name alone). Intrinsics that all views

@@ -165,8 +165,9 @@ TEST(MaskPathsOfTransforms, AreThoseOfTheFrames) {
   const auto paths = MaskPathsOfTransforms(
       File(kTop, Frame("low/a.jpg", kIdentity, R"(, "mask_path": "m/a.png")") + "," +
                      Frame("b.jpg", kIdentity)));
-  ASSERT_EQ(paths.size(), 1u);
+  ASSERT_EQ(paths.size(), 2u);
   EXPECT_EQ(paths.at("low/a.jpg"), "m/a.png");
+  EXPECT_EQ(paths.at("b.jpg"), "");
   EXPECT_TRUE(MaskPathsOfTransforms("no JSON").empty());
 }
 

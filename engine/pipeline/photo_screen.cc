@@ -126,10 +126,10 @@ std::string FindMaskPath(const ReconstructInput& input, const fs::path& cameras_
   return "";
 }
 
-// A mask that the cameras' file names.
+// What the cameras' file says of a photo's mask.
 struct NamedMask {
-  std::string view;   // as the file calls its photo
-  std::string path;   // as the file has it
+  std::string view;   // as the file calls the photo
+  std::string path;   // as the file has it; empty: it names none
   std::string found;  // where it lies; empty: it is not there
 };
 
@@ -139,9 +139,10 @@ std::vector<NamedMask> MasksOfCameras(const ReconstructInput& input) {
   if (!fs::is_regular_file(cameras, ignored)) return {};
   const auto json = ReadFile(cameras, "cameras", kMaxCamerasBytes);
   if (!json.ok()) return {};  // the reader of cameras says so
+  const fs::path beside = fs::absolute(cameras, ignored).parent_path();
   std::vector<NamedMask> masks;
   for (const auto& [view, path] : MaskPathsOfTransforms(*json)) {
-    masks.push_back({view, path, FindMaskPath(input, fs::path(cameras).parent_path(), path)});
+    masks.push_back({view, path, path.empty() ? "" : FindMaskPath(input, beside, path)});
   }
   return masks;
 }
@@ -157,14 +158,35 @@ std::set<std::string> NamesIn(const std::string& dir, const std::vector<NamedMas
   return names;
 }
 
+// The photo of each: names that are the same go first, as for cameras, so that no photo gets the
+// mask of another camera's.
+std::vector<std::optional<size_t>> PhotosOf(const std::vector<NamedMask>& masks,
+                                            const NameIndex& index) {
+  std::vector<std::optional<size_t>> photos;
+  std::set<size_t> taken;
+  for (const NamedMask& mask : masks) {
+    photos.push_back(index.FindExact(mask.view));
+    if (photos.back().has_value()) taken.insert(*photos.back());
+  }
+  for (size_t i = 0; i < masks.size(); ++i) {
+    if (photos[i].has_value()) continue;
+    std::vector<size_t> meant = index.FindAlike(masks[i].view);
+    std::erase_if(meant, [&](size_t photo) { return taken.contains(photo); });
+    if (!meant.empty()) photos[i] = meant[0];
+  }
+  return photos;
+}
+
 // Gives them to the photos that have none.
 void AddNamedMasks(const std::vector<NamedMask>& masks, PhotoList* list) {
-  const NameIndex index(list->names);
+  const std::vector<std::optional<size_t>> photos = PhotosOf(masks, NameIndex(list->names));
   int used = 0;
   std::vector<std::string> missing;
-  for (const NamedMask& mask : masks) {
-    const std::optional<size_t> photo = index.Find(mask.view);
-    if (!photo.has_value() || list->masks.contains(list->names[*photo])) continue;
+  for (size_t i = 0; i < masks.size(); ++i) {
+    const NamedMask& mask = masks[i];
+    const std::optional<size_t> photo = photos[i];
+    if (mask.path.empty() || !photo.has_value()) continue;
+    if (list->masks.contains(list->names[*photo])) continue;
     if (mask.found.empty()) {
       missing.push_back(mask.path);
     } else {

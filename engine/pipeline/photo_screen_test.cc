@@ -291,7 +291,7 @@ TEST(PhotoScreen, MasksThatTheCamerasNameMayLieAmongOtherMasks) {
   input.masks_dir = capture.Path("masks");
   fs::create_directory(input.masks_dir);
   PlaneU8 mask(kW, kH);
-  mask.data[5] = 255;
+  std::fill_n(mask.data.begin(), mask.data.size() / 2, kCounts);
   const auto png = EncodeMask(mask);
   ASSERT_TRUE(png.ok());
   for (const char* name : {"m1.png", "m2.png", "v002.png", "left_out.png"}) {
@@ -336,6 +336,44 @@ TEST(PhotoScreen, MasksBesideThePhotosAreNoPhotos) {
     EXPECT_EQ(std::count(read->mask.data.begin(), read->mask.data.end(), 0), 1) << name;
   }
 }
+TEST(PhotoScreen, MasksThatTheCamerasNameLieBesideAFileNamedWithoutItsFolder) {
+  const RoomCapture capture(4);
+  ReconstructInput input = capture.Input("work");
+  input.cameras_path = "transforms.json";
+  ASSERT_TRUE(WriteFileAtomically(
+                  capture.Path("transforms.json"),
+                  R"({"frames": [{"file_path": "images/v000.png", "mask_path": "m/a.png"}]})")
+                  .ok());
+  fs::create_directory(capture.Path("m"));
+  ASSERT_TRUE(WriteFileAtomically(capture.Path("m/a.png"), "a mask").ok());
+  const fs::path before = fs::current_path();
+  fs::current_path(capture.Path(""));
+  const auto list = ListPhotosAndMasks(input);
+  fs::current_path(before);
+  ASSERT_TRUE(list.ok()) << list.status();
+  ASSERT_EQ(list->masks.count("v000.png"), 1u);
+  EXPECT_EQ(Bytes(list->masks.at("v000.png")), "a mask");
+}
+
+// The visible and the thermal camera of a rig have photos of one stem; one camera's are sent.
+TEST(PhotoScreen, MasksThatTheCamerasNameAreOfTheirOwnPhotosOnly) {
+  const RoomCapture capture(4);
+  ReconstructInput input = capture.Input("work");
+  input.cameras_path = capture.Path("transforms.json");
+  ASSERT_TRUE(
+      WriteFileAtomically(
+          input.cameras_path,
+          R"({"frames": [{"file_path": "rgb/v000.jpg", "mask_path": "m/a.png"},)"
+          R"({"file_path": "thermal/v000.png"}, {"file_path": "v001", "mask_path": "m/a.png"}]})")
+          .ok());
+  fs::create_directory(capture.Path("m"));
+  ASSERT_TRUE(WriteFileAtomically(capture.Path("m/a.png"), "a mask").ok());
+  const auto list = ListPhotosAndMasks(input);
+  ASSERT_TRUE(list.ok()) << list.status();
+  EXPECT_EQ(list->masks, (MaskPaths{{"v001.png", capture.Path("m/a.png")}}));
+  EXPECT_THAT(list->notes, ElementsAre(HasSubstr("1 mask is that that the cameras' file")));
+}
+
 
 TEST(PhotoScreen, TheSamePhotoTwiceIsLearntOnce) {
   const RoomCapture capture(6);
