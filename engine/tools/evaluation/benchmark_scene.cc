@@ -70,9 +70,11 @@ absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_d
   // Poses without truth are only rendered: they may be those of photos.
   if (!poses.empty() && TruthDir().empty()) return input;
   const char* field = cameras.empty() ? "transforms_train.json" : "--cameras";
-  const ImageInfo size = SizeOfFirstPhoto(PhotosDir());
-  LITAGS_ASSIGN_OR_RETURN(const SparseModel model,
-                          ReadCameras(input.cameras_path, field, size.width, size.height));
+  // Only names are looked at: any size will do.
+  const auto size_of = [](const std::string&) { return PhotoSize{kMaxImageSide, kMaxImageSide}; };
+  PanoramaNames panoramas;
+  LITAGS_ASSIGN_OR_RETURN(const SparseModel model, ReadCameras(ResolveCameras(input.cameras_path),
+                                                               field, size_of, &panoramas));
   const NameIndex index(NamesOf(test));
   for (const View& view : model.views) {
     if (!index.Find(view.name).has_value()) continue;
@@ -91,19 +93,26 @@ absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews() const {
   std::vector<TestView> views;
   if (!HasTestViews()) return views;
   const std::string path = poses.empty() ? dir + kTestViews : poses;
-  const ImageInfo size = SizeOfFirstPhoto(TruthDir().empty() ? PhotosDir() : TruthDir());
-  std::set<std::string> unsized;  // views whose size the file does not say
+  const std::string photos = TruthDir().empty() ? PhotosDir() : TruthDir();
+  const ImageInfo first = SizeOfFirstPhoto(photos);
+  // Paths of views whose size the file does not say, and of those where its points tell it.
+  std::set<std::string> unsized, sure;
   const auto size_of = [&](const std::string& name) {
     unsized.insert(name);
+    const auto photo = FindPhoto(photos, name);
+    const ImageInfo size = photo.ok() ? ReadImageSize(*photo, name).value_or(first) : first;
     return PhotoSize{size.width, size.height};
   };
   LITAGS_ASSIGN_OR_RETURN(
       SparseModel given,
-      ReadCameras(path, poses.empty() ? "transforms_test.json" : kPoses, size_of));
+      ReadCameras(ResolveCameras(path), poses.empty() ? "transforms_test.json" : kPoses, size_of,
+                  nullptr, &sure));
+  for (const std::string& name : sure) unsized.erase(name);
   for (size_t i = 0; i < given.views.size(); ++i) {
     TestView view{given.views[i], given.distortions[i]};
     if (!sfm) {  // else they are not used
-      LITAGS_RETURN_IF_ERROR(FitToPhotoIn(TruthDir(), !unsized.contains(view.view.name), &view));
+      const std::string& name = given.paths.empty() ? view.view.name : given.paths[i];
+      LITAGS_RETURN_IF_ERROR(FitToPhotoIn(TruthDir(), !unsized.contains(name), &view));
     }
     views.push_back(std::move(view));
   }

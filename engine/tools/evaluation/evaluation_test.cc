@@ -205,6 +205,13 @@ TEST_F(EvaluationTest, PosesTakeTheTestViewsPlaceAndNeedKnownCameras) {
   // What is scored must not be trained on.
   scene.truth = dir_ + "/truth";
   EXPECT_EQ(reason(), "TEST_VIEW_IN_CAMERAS");
+  // Cameras are read as training reads them: in a folder, and of panoramas.
+  auto cameras = nlohmann::json::parse(ReadFile(scene.cameras, "", 1 << 20).value());
+  cameras["frames"].erase(0);
+  cameras["camera_model"] = "EQUIRECTANGULAR";
+  ASSERT_TRUE(WriteFileAtomically(dir_ + "/transforms.json", cameras.dump()).ok());
+  scene.cameras = dir_;
+  EXPECT_EQ(reason(), "OK");
   scene.sfm = true;
   EXPECT_EQ(reason(), "POSES_WITHOUT_CAMERAS");
 }
@@ -433,6 +440,13 @@ TEST_F(EvaluationTest, CamerasWithoutASizeHaveThatOfThePhotos) {
   const auto input = scene.Input("work", &options);
   ASSERT_TRUE(input.ok()) << input.status();
   EXPECT_EQ(scene.TestViews()->at(0).view.camera.width, 32);
+  // Of its own photo, where that is there.
+  std::filesystem::create_directories(dir_ + "/high");
+  ASSERT_TRUE(WritePng(dir_ + "/high/a.png", Ramp(0)).ok());
+  ASSERT_TRUE(WritePng(dir_ + "/high/test.png", ImageU8(48, 64)).ok());
+  const auto views = scene.TestViews();
+  ASSERT_TRUE(views.ok()) << views.status();
+  EXPECT_EQ(views->at(0).view.camera.height, 64);
 }
 
 // COLMAP's cameras, and the lenses that it found; of photos that the run did not train on.

@@ -165,8 +165,10 @@ TEST_F(TrainProgramTest, PosesAreRenderedAndScoredWhereThereIsATruth) {
   EXPECT_THAT(outcome.text, Not(HasSubstr("held-out")));
   EXPECT_TRUE(fs::exists(out_ + "/test/0003.png"));
 
-  const Outcome scored = Run({scene_ + "/low", "--cameras", dir_ / "cameras", "--render-poses",
-                              poses, "--truth", scene_ + "/high"});
+  // Cameras are found in the folder of a capture, too.
+  WriteTrainingCameras(scene_, dir_ / "given/sparse/0");
+  const Outcome scored = Run({scene_ + "/low", "--cameras", dir_ / "given", "--render-poses", poses,
+                              "--truth", scene_ + "/high"});
   ASSERT_EQ(scored.exit_code, 0) << scored.text;
   EXPECT_THAT(scored.text, HasSubstr("renders, mean of 2 test views: PSNR"));
 }
