@@ -1,5 +1,7 @@
 #include "engine/io/npy.h"
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <optional>
@@ -23,11 +25,10 @@ struct TypeInfo {
   const char* descr;
   size_t size;
 };
-constexpr TypeInfo kTypes[] = {{NpyType::kFloat32, "<f4", 4},
-                               {NpyType::kFloat64, "<f8", 8},
-                               {NpyType::kInt32, "<i4", 4},
-                               {NpyType::kInt64, "<i8", 8},
-                               {NpyType::kUInt8, "|u1", 1}};
+constexpr TypeInfo kTypes[] = {{NpyType::kFloat16, "<f2", 2}, {NpyType::kFloat32, "<f4", 4},
+                               {NpyType::kFloat64, "<f8", 8}, {NpyType::kInt32, "<i4", 4},
+                               {NpyType::kInt64, "<i8", 8},   {NpyType::kUInt8, "|u1", 1},
+                               {NpyType::kUInt16, "<u2", 2}};
 
 const TypeInfo& InfoOf(NpyType type) {
   for (const TypeInfo& info : kTypes) {
@@ -39,8 +40,8 @@ const TypeInfo& InfoOf(NpyType type) {
 absl::Status Unsupported(std::string_view field, std::string_view what) {
   return InvalidField("NPY_UNSUPPORTED", field,
                       absl::StrCat(Absl(what),
-                                   "; save a C-order array of float32, float64, int32, int64 or "
-                                   "uint8"));
+                                   "; save a C-order array of float16, float32, float64, int32, "
+                                   "int64, uint8 or uint16"));
 }
 
 absl::Status Truncated(std::string_view field) {
@@ -77,6 +78,24 @@ std::optional<std::vector<int64_t>> ParseShape(std::string_view text) {
   return shape;
 }
 
+// IEEE 754's binary16.
+struct Half {
+  uint16_t bits;
+
+  template <typename To>
+  explicit operator To() const {
+    constexpr int kMantissaBits = 10, kBias = 15, kSpecial = 31;
+    const int exponent = bits >> kMantissaBits & kSpecial, mantissa = bits & 0x3FF;
+    const To sign = bits >> 15 != 0 ? -1 : 1;
+    if (exponent == kSpecial) {
+      return mantissa != 0 ? std::numeric_limits<To>::quiet_NaN()
+                           : sign * std::numeric_limits<To>::infinity();
+    }
+    const int whole = exponent == 0 ? mantissa : mantissa | 1 << kMantissaBits;
+    return sign * std::ldexp(static_cast<To>(whole), std::max(exponent, 1) - kBias - kMantissaBits);
+  }
+};
+
 template <typename To>
 std::vector<To> Convert(const NpyArray& array) {
   const auto from = [&]<typename From>(From) {
@@ -89,6 +108,8 @@ std::vector<To> Convert(const NpyArray& array) {
     return out;
   };
   switch (array.type) {
+    case NpyType::kFloat16:
+      return from(Half{});
     case NpyType::kFloat32:
       return from(float{});
     case NpyType::kFloat64:
@@ -99,6 +120,8 @@ std::vector<To> Convert(const NpyArray& array) {
       return from(int64_t{});
     case NpyType::kUInt8:
       return from(uint8_t{});
+    case NpyType::kUInt16:
+      return from(uint16_t{});
   }
   LITAGS_CHECK(false);
 }

@@ -1,4 +1,4 @@
-// NumPy .npy arrays (versions 1 and 2, C order, little-endian f4 f8 i4 i8 u1).
+// NumPy .npy arrays (versions 1 and 2, C order, little-endian f2 f4 f8 i4 i8 u1 u2).
 #ifndef LITAGS_ENGINE_IO_NPY_H_
 #define LITAGS_ENGINE_IO_NPY_H_
 
@@ -12,7 +12,7 @@
 
 namespace litags {
 
-enum class NpyType { kFloat32, kFloat64, kInt32, kInt64, kUInt8 };
+enum class NpyType { kFloat16, kFloat32, kFloat64, kInt32, kInt64, kUInt8, kUInt16 };
 
 struct NpyArray {
   NpyType type = NpyType::kFloat32;

@@ -1,5 +1,7 @@
 #include "engine/io/npy.h"
 
+#include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -37,6 +39,21 @@ TEST(DecodeNpy, ReadsEveryTypeAndBothVersions) {
 
     const auto u1 = DecodeNpy(NumpyFile(version, NumpyHeader("|u1", "3,"), "\x01\x80\xFF"), "f");
     EXPECT_THAT(u1->ToFloats(), testing::ElementsAre(1, 128, 255));
+
+    // Depths in mm, as sensors have them.
+    const uint16_t codes[] = {0, 1500, 65535};
+    const auto u2 = DecodeNpy(
+        NumpyFile(version, NumpyHeader("<u2", "3,"), std::string((const char*)codes, 6)), "f");
+    ASSERT_TRUE(u2.ok()) << u2.status();
+    EXPECT_THAT(u2->ToFloats(), testing::ElementsAre(0, 1500, 65535));
+
+    const uint16_t halves[] = {0x3C00, 0xC100, 0x7BFF, 0x0001, 0x0400, 0x8000, 0xFC00, 0x7E00};
+    const auto f2 = DecodeNpy(
+        NumpyFile(version, NumpyHeader("<f2", "8,"), std::string((const char*)halves, 16)), "f");
+    ASSERT_TRUE(f2.ok()) << f2.status();
+    EXPECT_THAT(f2->ToDoubles(), testing::ElementsAre(1, -2.5, 65504, 0x1p-24, 0x1p-14, 0,
+                                                      -INFINITY, testing::IsNan()));
+    EXPECT_EQ(f2->ToFloats()[1], -2.5f);
 
     const auto none = DecodeNpy(NumpyFile(version, NumpyHeader("<f4", "0, 3"), ""), "f");
     EXPECT_THAT(none->shape, testing::ElementsAre(0, 3));

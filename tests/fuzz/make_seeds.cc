@@ -186,6 +186,8 @@ void AddImages(const Corpus& corpus) {
   const Planes depth = Depth();
   const std::vector<float> values(depth.data.begin(), depth.data.end());
   corpus.Add("depth_map", "depth.npy", NumpyFile("3, 4", values));
+  corpus.Add("depth_map", "half.npy",
+             NumpyFile(1, NumpyHeader("<f2", "3, 4"), std::string(24, '\x42')));
 }
 
 void AddVideos(const Corpus& corpus) {
