@@ -148,13 +148,16 @@ class FolderDepthProvider : public DepthProvider {
 }  // namespace
 
 absl::Status CheckDepthShape(int width, int height, int photo_width, int photo_height,
-                             const std::string& field) {
+                             const std::string& field, int orientation) {
   const double skew = double(width) * photo_height / (double(height) * photo_width) - 1;
   if (std::abs(skew) <= 0.01) return absl::OkStatus();
   return InvalidInput(
       "DEPTH_MAP_SIZE", field,
       absl::StrCat(field, ": ", width, "x", height, " px does not fit the ", photo_width, "x",
-                   photo_height, " px photo; give maps of the photo's aspect ratio"));
+                   photo_height, " px photo; give maps of the photo's aspect ratio",
+                   orientation == 1
+                       ? ""
+                       : absl::StrCat(", upright: EXIF turns it (orientation ", orientation, ")")));
 }
 
 Planes AverageDown(const Planes& plane, int most_width, int most_height) {

@@ -67,16 +67,17 @@ class DepthProvider {
 
 // Maps that the user gives with the photos, as FindDepthMap and ReadDepthMap have it, by the stem
 // of view.name. 0 and values that are not finite mean unknown. Maps have the photo's aspect ratio
-// (CheckDepthShape); a larger one is averaged down over its known pixels, a smaller one stays as it
-// is. A photo whose map is all unknown or constant has none, with a note in `notes`, if that is not
-// null. INVALID_ARGUMENT with field "depth/<file>" for maps that cannot be read or do not fit.
-// NOT_FOUND here if there is no such folder.
+// (CheckDepthShape) and its way up; a larger one is averaged down over its known pixels, a smaller
+// one stays as it is. A photo whose map is all unknown or constant has none, with a note in
+// `notes`, if that is not null. INVALID_ARGUMENT with field "depth/<file>" for maps that cannot be
+// read or do not fit. NOT_FOUND here if there is no such folder.
 absl::StatusOr<std::unique_ptr<DepthProvider>> MakeFolderDepthProvider(
     const std::string& folder, std::vector<std::string>* notes = nullptr);
 
 // INVALID_ARGUMENT (DEPTH_MAP_SIZE) unless a map of this size has the photo's aspect ratio, to 1 %.
+// The photo's size is that of the photo upright; `orientation`: by which EXIF turned it.
 absl::Status CheckDepthShape(int width, int height, int photo_width, int photo_height,
-                             const std::string& field);
+                             const std::string& field, int orientation = 1);
 
 }  // namespace litags
 

@@ -96,27 +96,47 @@ absl::StatusOr<Planes> DecodePfm(std::string_view bytes, std::string_view field,
   return map;
 }
 
-// Height and width, where the other axis has one entry; else as it is.
-std::vector<int64_t> PlaneShape(std::vector<int64_t> shape) {
+// Height and width, where another axis has one entry.
+absl::StatusOr<std::vector<int64_t>> PlaneShape(std::vector<int64_t> shape,
+                                                std::string_view field) {
   if (shape.size() == 3 && shape.front() == 1) {
     shape.erase(shape.begin());
   } else if (shape.size() == 3 && shape.back() == 1) {
     shape.pop_back();
   }
-  return shape;
+  if (shape.size() == 2) return shape;
+  return InvalidField("DEPTH_SIZE", field, "the array is not [H,W], [1,H,W] or [H,W,1]");
 }
 
 absl::StatusOr<Planes> PlanesFromNpy(std::string_view bytes, std::string_view field,
                                      const ImageLimits& limits) {
   LITAGS_ASSIGN_OR_RETURN(const NpyArray array, DecodeNpy(bytes, field));
-  const std::vector<int64_t> shape = PlaneShape(array.shape);
-  if (shape.size() != 2) {
-    return InvalidField("DEPTH_SIZE", field, "the array is not [H,W], [1,H,W] or [H,W,1]");
-  }
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<int64_t> shape, PlaneShape(array.shape, field));
   LITAGS_RETURN_IF_ERROR(CheckSize(shape[1], shape[0], field, limits));
   Planes map(1, static_cast<int>(shape[0]), static_cast<int>(shape[1]));
   map.data = array.ToFloats();
   return map;
+}
+
+absl::Status CheckPngKind(int channels, int bit_depth, std::string_view field) {
+  if (channels != 1) {
+    return InvalidField(
+        "DEPTH_SIZE", field,
+        absl::StrCat("the PNG has ", channels, " channels; send one channel of 16 bits"));
+  }
+  if (bit_depth < 16) {
+    return InvalidField("DEPTH_BITS", field,
+                        absl::StrCat("the PNG has ", bit_depth,
+                                     " bits, as pictures of depth have; send 16, PFM or NPY"));
+  }
+  return absl::OkStatus();
+}
+
+// By its header, which ParsePngHeader took; palettes are of RGB.
+int PngHeaderChannels(std::string_view bytes) {
+  constexpr size_t kColorType = 25;
+  const int type = kColorType < bytes.size() ? bytes[kColorType] : 0;
+  return type == 0 ? 1 : type == 4 ? 2 : type == 6 ? 4 : 3;
 }
 
 absl::StatusOr<Planes> DecodePngCodes(std::string_view bytes, std::string_view field,
@@ -130,17 +150,13 @@ absl::StatusOr<Planes> DecodePngCodes(std::string_view bytes, std::string_view f
     if (channels == 1) std::copy_n(codes, map.width, &map.at(0, y, 0));
   };
   LITAGS_RETURN_IF_ERROR(ReadPngCodes(bytes, PngChannels::kAll, field, take));
-  if (channels != 1) {
-    return InvalidField(
-        "DEPTH_SIZE", field,
-        absl::StrCat("the PNG has ", channels, " channels; send one channel of 16 bits"));
-  }
-  if (info.bit_depth < 16) {
-    return InvalidField("DEPTH_BITS", field,
-                        absl::StrCat("the PNG has ", info.bit_depth,
-                                     " bits, as pictures of depth have; send 16, PFM or NPY"));
-  }
+  LITAGS_RETURN_IF_ERROR(CheckPngKind(channels, info.bit_depth, field));
   return map;
+}
+
+absl::Status NotRecognized(std::string_view field) {
+  return InvalidField("DEPTH_NOT_RECOGNIZED", field,
+                      "neither a one-channel PFM nor NPY nor PNG file; convert it to one of them");
 }
 
 absl::StatusOr<Planes> DecodeAny(std::string_view bytes, std::string_view field,
@@ -148,8 +164,7 @@ absl::StatusOr<Planes> DecodeAny(std::string_view bytes, std::string_view field,
   if (IsPfm(bytes)) return DecodePfm(bytes, field, limits);
   if (IsNpy(bytes)) return PlanesFromNpy(bytes, field, limits);
   if (IsPng(bytes)) return DecodePngCodes(bytes, field, limits);
-  return InvalidField("DEPTH_NOT_RECOGNIZED", field,
-                      "neither a one-channel PFM nor NPY nor PNG file; convert it to one of them");
+  return NotRecognized(field);
 }
 
 }  // namespace
@@ -175,7 +190,7 @@ absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view fi
   return DecodeDepthMap(bytes, field, limits);
 }
 
-DepthSize ReadDepthSize(const std::string& path) {
+absl::StatusOr<DepthSize> ReadDepthSize(const std::string& path, std::string_view field) {
   constexpr size_t kFrontBytes = 64 << 10;
   std::string front(kFrontBytes, '\0');
   std::ifstream file(path, std::ios::binary);
@@ -183,19 +198,22 @@ DepthSize ReadDepthSize(const std::string& path) {
   front.resize(static_cast<size_t>(file.gcount()));
   int64_t width = 0, height = 0;
   if (IsPfm(front)) {
-    if (const auto header = ParsePfmHeader(front, path); header.ok()) {
-      width = header->width, height = header->height;
-    }
+    LITAGS_ASSIGN_OR_RETURN(const PfmHeader header, ParsePfmHeader(front, field));
+    width = header.width, height = header.height;
   } else if (IsNpy(front)) {
     size_t data = 0;
-    const auto header = DecodeNpyHeader(front, path, &data);
-    const auto shape = header.ok() ? PlaneShape(header->shape) : std::vector<int64_t>();
-    if (shape.size() == 2) height = shape[0], width = shape[1];
-  } else if (const auto info = ParsePngHeader(front, path); info.ok()) {
-    width = info->width, height = info->height;
+    LITAGS_ASSIGN_OR_RETURN(const NpyArray header, DecodeNpyHeader(front, field, &data));
+    LITAGS_ASSIGN_OR_RETURN(const std::vector<int64_t> shape, PlaneShape(header.shape, field));
+    height = shape[0], width = shape[1];
+  } else if (IsPng(front)) {
+    LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ParsePngHeader(front, field));
+    LITAGS_RETURN_IF_ERROR(CheckPngKind(PngHeaderChannels(front), info.bit_depth, field));
+    width = info.width, height = info.height;
+  } else {
+    return NotRecognized(field);
   }
-  if (!CheckSize(width, height, path, ImageLimits()).ok()) return {};
-  return {static_cast<int>(width), static_cast<int>(height)};
+  LITAGS_RETURN_IF_ERROR(CheckSize(width, height, field, ImageLimits()));
+  return DepthSize{static_cast<int>(width), static_cast<int>(height)};
 }
 
 std::string FindDepthMap(const std::string& dir, std::string_view stem) {

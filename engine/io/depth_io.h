@@ -22,12 +22,12 @@ absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view fi
 absl::StatusOr<Planes> DecodeDepthMap(std::string_view bytes, std::string_view field,
                                       const ImageLimits& limits = {});
 
-// The map's size, px, by the file's first bytes; 0x0 if they do not say.
+// The map's size, px, by the file's first bytes. Errors of ReadDepthMap that these tell.
 struct DepthSize {
   int width = 0, height = 0;
   int64_t pixels() const { return int64_t{width} * height; }
 };
-DepthSize ReadDepthSize(const std::string& path);
+absl::StatusOr<DepthSize> ReadDepthSize(const std::string& path, std::string_view field);
 
 // The first existing of dir/stem.{npy,pfm,png}: a PNG beside another may be a picture of it. Empty
 // if none.

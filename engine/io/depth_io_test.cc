@@ -33,20 +33,33 @@ TEST(DepthMap, RoundTripsThroughPfmAndNpy) {
     EXPECT_EQ(back->height, 5);
     EXPECT_EQ(back->width, 3);
     EXPECT_EQ(back->data, map.data) << name;
-    EXPECT_EQ(ReadDepthSize(dir / name).height, 5) << name;
-    EXPECT_EQ(ReadDepthSize(dir / name).width, 3) << name;
+    EXPECT_EQ(ReadDepthSize(dir / name, "f")->height, 5) << name;
+    EXPECT_EQ(ReadDepthSize(dir / name, "f")->width, 3) << name;
   }
 }
 
 TEST(DepthMap, SizesAreThoseOfTheFirstBytes) {
   TempDir dir;
   ASSERT_TRUE(WriteFileAtomically(dir / "a.png", EncodePng16(Ramp(5, 3), 1.0).value()).ok());
-  EXPECT_EQ(ReadDepthSize(dir / "a.png").pixels(), 15);
+  EXPECT_EQ(ReadDepthSize(dir / "a.png", "f")->pixels(), 15);
   ASSERT_TRUE(WriteFileAtomically(dir / "cut.pfm", "Pf\n640 480\n-1.0\n").ok());
-  EXPECT_EQ(ReadDepthSize(dir / "cut.pfm").pixels(), 640 * 480);
-  ASSERT_TRUE(WriteFileAtomically(dir / "text.npy", "no map").ok());
-  EXPECT_EQ(ReadDepthSize(dir / "text.npy").pixels(), 0);
-  EXPECT_EQ(ReadDepthSize(dir / "none.png").pixels(), 0);
+  EXPECT_EQ(ReadDepthSize(dir / "cut.pfm", "f")->pixels(), 640 * 480);
+}
+
+TEST(DepthMap, TheFirstBytesTellWhatIsNoMap) {
+  TempDir dir;
+  const auto reason = [&](const std::string& bytes) {
+    EXPECT_TRUE(WriteFileAtomically(dir / "a.png", bytes).ok());
+    return Reason(ReadDepthSize(dir / "a.png", "f").status());
+  };
+  EXPECT_EQ(reason("no map"), "DEPTH_NOT_RECOGNIZED");
+  EXPECT_EQ(reason(EncodePng(TestImage(8, 8)).value()), "DEPTH_SIZE");
+  EXPECT_EQ(reason(EncodeMask(PlaneU8(8, 8)).value()), "DEPTH_BITS");
+  EXPECT_EQ(reason(NumpyFile("6,", {1, 2, 3, 4, 5, 6})), "DEPTH_SIZE");
+  EXPECT_EQ(reason(NumpyFile(1, NumpyHeader("<c8", "3, 2"), std::string(48, '\0'))),
+            "NPY_UNSUPPORTED");
+  EXPECT_EQ(reason("Pf\n2 x\n-1\n"), "DEPTH_CORRUPT");
+  EXPECT_EQ(reason("Pf\n30000 30000\n-1\n"), "IMAGE_TOO_LARGE");
 }
 
 TEST(DepthMap, ReadsCodesOfA16BitPng) {

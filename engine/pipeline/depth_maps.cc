@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/core/quantile.h"
@@ -274,20 +275,34 @@ DepthOrigin ResolveDepthOrigin(const Recipe& recipe, const ReconstructOptions& o
   return input.depth_dir.empty() ? DepthOrigin::kStereo : DepthOrigin::kMaps;
 }
 
-absl::Status CheckMapsFit(const ReconstructInput& input) {
+absl::Status CheckMapsFit(const ReconstructInput& input, std::vector<std::string>* notes) {
   LITAGS_RETURN_IF_ERROR(MakeFolderDepthProvider(input.depth_dir).status());
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
                           ListPhotos(input.images_dir, "images"));
   bool any = false;
+  std::vector<std::string> turned;  // photos that EXIF turns into the same shape
   for (const std::string& photo : photos) {
     const std::string path = FindDepthMap(input.depth_dir, Stem(photo));
     if (path.empty()) continue;
     any = true;
-    const DepthSize map = ReadDepthSize(path);
+    const std::string field = absl::StrCat("depth/", BaseName(path));
+    LITAGS_ASSIGN_OR_RETURN(const DepthSize map, ReadDepthSize(path, field));
     const auto size = ReadImageSize(PhotoPath(input, photo), PhotoField(photo));
-    if (map.width == 0 || !size.ok()) continue;  // whoever needs it says why
-    LITAGS_RETURN_IF_ERROR(CheckDepthShape(map.width, map.height, size->width, size->height,
-                                           absl::StrCat("depth/", BaseName(path))));
+    if (!size.ok()) continue;  // whoever needs it says why
+    LITAGS_RETURN_IF_ERROR(CheckDepthShape(map.width, map.height, size->width, size->height, field,
+                                           size->orientation));
+    const bool fits_stored =
+        size->orientation < 5 ||
+        CheckDepthShape(map.width, map.height, size->height, size->width, field).ok();
+    if (size->orientation != 1 && fits_stored) {
+      turned.push_back(absl::StrCat(photo, " (orientation ", size->orientation, ")"));
+    }
+  }
+  if (!turned.empty() && notes != nullptr) {
+    notes->push_back(absl::StrCat("EXIF turns ", Counted(turned.size(), "photo"),
+                                  " with a depth map, such as ", turned[0], ": ",
+                                  turned.size() == 1 ? "its map" : "their maps",
+                                  " must be of the photo turned upright"));
   }
   if (any) return absl::OkStatus();
   const std::string& first = photos.front();
@@ -300,14 +315,14 @@ absl::Status CheckMapsFit(const ReconstructInput& input) {
                    ", as ", Stem(first), ".png, .pfm or .npy, or choose another depth source"));
 }
 
-absl::Status CheckDepthSource(const Context& context) {
+absl::Status CheckDepthSource(const Context& context, std::vector<std::string>* notes) {
   const DepthOrigin origin = ResolveDepthOrigin(context);
   if (origin == DepthOrigin::kMaps && context.input.depth_dir.empty()) {
     return InvalidInput("DEPTH_MAPS_MISSING", "options.depth_source",
                         "options.depth_source: maps were asked for and none were given; give "
                         "depth maps or choose another source");
   }
-  if (origin == DepthOrigin::kMaps) LITAGS_RETURN_IF_ERROR(CheckMapsFit(context.input));
+  if (origin == DepthOrigin::kMaps) LITAGS_RETURN_IF_ERROR(CheckMapsFit(context.input, notes));
   if (origin == DepthOrigin::kNetwork && context.input.depth_network.path.empty()) {
     return InvalidInput("DEPTH_MODEL_MISSING", "options.depth_source",
                         "options.depth_source: a network was asked for and this installation "
@@ -333,7 +348,7 @@ absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
   const ReconstructInput& input = context.input;
   const DepthOrigin asked = ResolveDepthOrigin(context);
   if (asked == DepthOrigin::kNone) return DepthMaps();
-  LITAGS_RETURN_IF_ERROR(CheckDepthSource(context));
+  LITAGS_RETURN_IF_ERROR(CheckDepthSource(context, &context.report->notes));
   LITAGS_ASSIGN_OR_RETURN(const DepthOrigin origin, OriginFor(context, photos));
   if (asked != DepthOrigin::kMaps && !input.depth_dir.empty()) {
     context.Note(absl::StrCat("the depth maps given are not used: depth comes from ",

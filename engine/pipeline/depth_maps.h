@@ -32,13 +32,14 @@ inline DepthOrigin ResolveDepthOrigin(const Context& context) {
   return ResolveDepthOrigin(context.recipe, context.options, context.input);
 }
 
-// If the maps in input.depth_dir cannot be those of the photos, by their names and shapes:
-// DEPTH_MAP_WITHOUT_PHOTO where none is of a photo, DEPTH_MAP_SIZE, DEPTH_FOLDER_MISSING.
-absl::Status CheckMapsFit(const ReconstructInput& input);
+// If the maps in input.depth_dir cannot be those of the photos, by their names and first bytes:
+// DEPTH_MAP_WITHOUT_PHOTO where none is of a photo, DEPTH_MAP_SIZE, DEPTH_FOLDER_MISSING, errors of
+// ReadDepthSize. `notes` (may be null) gets one where maps may be of photos before EXIF turns them.
+absl::Status CheckMapsFit(const ReconstructInput& input, std::vector<std::string>* notes = nullptr);
 
 // If the source has nothing to work with, before the cameras are searched for: INVALID_ARGUMENT
-// (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING), errors of CheckMapsFit.
-absl::Status CheckDepthSource(const Context& context);
+// (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING), errors and `notes` of CheckMapsFit.
+absl::Status CheckDepthSource(const Context& context, std::vector<std::string>* notes = nullptr);
 
 // What tells a network from another. Errors of its file.
 absl::Status AddNetwork(const DepthNetwork& network, Fingerprint* f);

@@ -7,6 +7,11 @@
 #include <vector>
 
 #include "engine/io/depth_io.h"
+#include "engine/io/exif_test_util.h"
+#include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/mask_io.h"
+#include "engine/io/test_util.h"
 #include "engine/onnx/onnx_writer.h"
 #include "engine/pipeline/capture_test_util.h"
 #include "engine/pipeline/depth_maps.h"
@@ -195,6 +200,53 @@ TEST(DepthMaps, MapsAreCheckedBeforeCamerasAreSearchedFor) {
   const absl::Status status = Reconstruct(input, WithSource(DepthOrigin::kAuto)).status();
   EXPECT_EQ(Reason(status), "DEPTH_MAP_SIZE");
   EXPECT_EQ(GetErrorDetail(status)->field, "depth/" + map);
+}
+
+// As colour pictures of depth, and what other programs write: COLMAP takes an hour.
+TEST(CheckMapsFit, RefusesWhatCannotBeReadAsAMap) {
+  const Photographs photos;
+  ReconstructInput input = photos.Input("work");
+  input.depth_dir = input.work_dir + "/maps";
+  std::filesystem::create_directory(input.depth_dir);
+  const std::string stem = Stem(photos.model.views[7].name);
+  const auto reason = [&](const std::string& ending, const std::string& bytes) {
+    const std::string path = input.depth_dir + "/" + stem + ending;
+    EXPECT_TRUE(WriteFileAtomically(path, bytes).ok());
+    const absl::Status status = CheckMapsFit(input);
+    std::filesystem::remove(path);
+    EXPECT_EQ(GetErrorDetail(status)->field, "depth/" + stem + ending);
+    return Reason(status);
+  };
+  EXPECT_EQ(reason(".png", EncodeMask(PlaneU8(kWidth, kHeight)).value()), "DEPTH_BITS");
+  EXPECT_EQ(reason(".npy", "PK"), "DEPTH_NOT_RECOGNIZED");
+}
+
+// Their maps may be of the sensor's picture.
+TEST(CheckMapsFit, SaysThatMapsMustBeUprightWhereExifTurnsPhotos) {
+  const Photographs photos;
+  ReconstructInput input = photos.Input("work");
+  input.depth_dir = input.work_dir + "/maps";
+  input.images_dir = input.work_dir + "/turned";
+  std::filesystem::create_directory(input.depth_dir);
+  std::filesystem::create_directory(input.images_dir);
+  ASSERT_TRUE(WritePfm(input.depth_dir + "/a.pfm", Planes(1, 24, 32)).ok());
+  const std::string jpeg = EncodeJpeg(TestImage(32, 24)).value();
+  for (const int orientation : {1, 3, 6}) {
+    ASSERT_TRUE(WriteFileAtomically(input.images_dir + "/a.jpg",
+                                    WithJpegExif(jpeg, ExifBlock(orientation, true)))
+                    .ok());
+    std::vector<std::string> notes;
+    const absl::Status status = CheckMapsFit(input, &notes);
+    EXPECT_EQ(notes.size(), orientation == 3 ? 1u : 0u);
+    if (orientation == 3) {
+      EXPECT_THAT(notes,
+                  Contains(HasSubstr("a.jpg (orientation 3): its map must be of the photo")));
+    }
+    EXPECT_EQ(status.ok(), orientation != 6) << status;
+    if (orientation != 6) continue;
+    EXPECT_EQ(Reason(status), "DEPTH_MAP_SIZE");
+    EXPECT_THAT(std::string(status.message()), HasSubstr("upright: EXIF turns it (orientation 6)"));
+  }
 }
 
 TEST(DepthMaps, OfPhotosThatAreLearntAsViewsAreRefusedByThePhotosName) {

@@ -118,12 +118,13 @@ std::string CamerasNearby(const ReconstructInput& input) {
   return "";
 }
 
-// Reads the depth maps of the photos: "depth maps: 4 of 5 photos have one". Errors of CheckMapsFit
-// and of maps.
+// Reads the depth maps of the photos: "depth maps: 4 of 5 photos have one". Errors and `notes` of
+// CheckMapsFit, errors of maps.
 absl::StatusOr<std::string> DescribeDepthMaps(const ReconstructInput& input,
                                               const std::vector<ScreenedPhoto>& photos,
-                                              const CancelToken& cancel) {
-  LITAGS_RETURN_IF_ERROR(CheckMapsFit(input));
+                                              const CancelToken& cancel,
+                                              std::vector<std::string>* notes) {
+  LITAGS_RETURN_IF_ERROR(CheckMapsFit(input, notes));
   size_t maps = 0;
   for (const ScreenedPhoto& photo : photos) {
     LITAGS_RETURN_IF_ERROR(cancel.Check());
@@ -170,7 +171,8 @@ absl::StatusOr<Inspection> Inspect(const ReconstructInput& given, int threads,
   if (input.depth_dir.empty() || found.used.photos.empty()) return found;
   found.depth = "depth maps: not looked at, since they are of the views\n";
   if (found.wide.photos.empty()) {
-    LITAGS_ASSIGN_OR_RETURN(found.depth, DescribeDepthMaps(input, found.used.photos, cancel));
+    LITAGS_ASSIGN_OR_RETURN(found.depth,
+                            DescribeDepthMaps(input, found.used.photos, cancel, &screen.notes));
   }
   return found;
 }
