@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "client/status.h"
+#include "proto/litags/v1/limits.h"
 
 namespace litags::client {
 namespace {
@@ -39,6 +40,17 @@ TEST(ModelFormat, EndingsSayTheFormat) {
   EXPECT_EQ(ModelFormatOf("x.zip").value(), v1::MODEL_FORMAT_COLMAP);
   for (const char* path : {"", "scene", "scene.obj", "ply"}) {
     EXPECT_EQ(DetailOf(ModelFormatOf(path).status()).reason(), "MODEL_FORMAT_UNKNOWN") << path;
+  }
+}
+
+TEST(ModelFormat, FilesOfServersEndAsTheirFormats) {
+  ASSERT_EQ(v1::kModelEndings.size(), static_cast<size_t>(v1::ModelFormat_ARRAYSIZE));
+  for (int i = 1; i < v1::ModelFormat_ARRAYSIZE; ++i) {
+    const std::string name = "a" + std::string(v1::kModelEndings[i]);
+    EXPECT_TRUE(CheckEnding(name, static_cast<v1::ModelFormat>(i)).ok()) << name;
+    const auto of_name = ModelFormatOf(name);
+    ASSERT_TRUE(of_name.ok()) << of_name.status();
+    EXPECT_EQ(v1::kModelEndings[*of_name], v1::kModelEndings[i]);
   }
 }
 

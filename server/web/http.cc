@@ -2,7 +2,9 @@
 
 #include <algorithm>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
 
 namespace litags::web {
 namespace {
@@ -94,6 +96,13 @@ std::string_view CookieOf(const Head& head, std::string_view name) {
     if (Trim(part.substr(0, equals)) == name) return Trim(part.substr(equals + 1));
   }
   return {};
+}
+
+std::string AttachmentOf(std::string_view job, std::string_view ending) {
+  std::string id(job.substr(job.rfind('/') + 1));
+  std::erase_if(id, [](char c) { return !absl::ascii_isalnum(static_cast<unsigned char>(c)); });
+  return absl::StrCat("attachment; filename=\"", id,
+                      absl::string_view(ending.data(), ending.size()), "\"");
 }
 
 std::string_view ReasonPhrase(int code) {

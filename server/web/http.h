@@ -46,6 +46,9 @@ std::optional<std::string> PercentDecode(std::string_view text);
 // The value of a cookie; empty if there is none.
 std::string_view CookieOf(const Head& head, std::string_view name);
 
+// The value of Content-Disposition that saves a file of "jobs/ID" as ID with this ending.
+std::string AttachmentOf(std::string_view job, std::string_view ending);
+
 // "Not Found" of 404.
 std::string_view ReasonPhrase(int code);
 

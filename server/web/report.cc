@@ -71,7 +71,7 @@ asio::awaitable<void> Api::Report(Exchange& exchange, const Route& route, const 
   const grpc::Status status = co_await Gather(exchange, route, request, &data, &held);
   if (status.ok()) {
     answer = {200, "text/html; charset=utf-8", report::ReportHtml(data), {}};
-    answer.headers.emplace_back("Content-Disposition", "attachment");
+    answer.headers.emplace_back("Content-Disposition", AttachmentOf(data.job.name(), ".html"));
   } else {
     answer = Failure(status);
   }

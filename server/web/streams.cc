@@ -9,6 +9,7 @@
 #include "engine/core/error.h"
 #include "litags/v1/model_service.pb.h"
 #include "litags/v1/reconstruction_service.pb.h"
+#include "proto/litags/v1/limits.h"
 #include "server/errors/to_grpc.h"
 #include "server/web/api.h"
 #include "server/web/failure.h"
@@ -44,6 +45,15 @@ absl::StatusOr<std::string> EventText(const Message& message) {
   if (!number) return absl::StrCat("data: ", json, "\n\n");
   return absl::StrCat("id: ", message.GetReflection()->GetInt64(message, number), "\ndata: ", json,
                       "\n\n");
+}
+
+// The value of Content-Disposition for the file that was asked for.
+std::string AttachmentOf(const Message& request) {
+  v1::ExportModelRequest asked;
+  asked.CopyFrom(request);
+  const auto format = static_cast<size_t>(asked.format());
+  return web::AttachmentOf(asked.name(),
+                           v1::kModelEndings[format < v1::kModelEndings.size() ? format : 0]);
 }
 
 // What a stream's end is told by: browsers open one again that only stops.
@@ -123,7 +133,7 @@ asio::awaitable<void> Api::Download(Exchange& exchange, const Route& route,
     co_return;
   }
   Answer head{200, "application/octet-stream", "", {}};
-  head.headers.emplace_back("Content-Disposition", "attachment");
+  head.headers.emplace_back("Content-Disposition", AttachmentOf(request));
   head.headers.emplace_back("Cache-Control", "no-store");
   if (auto header = JsonOf(part.header()); header.ok()) {
     head.headers.emplace_back("Litags-Answer", *std::move(header));

@@ -292,14 +292,27 @@ class Pictures(GatewayTest):
         self.assertEqual(reply.code, 200)
         self.assertEqual(int(reply.headers["Content-Length"]), len(reply.body))
         self.assertTrue(reply.body.endswith(b"end"))
-        self.assertEqual(reply.headers["Content-Disposition"], "attachment")
         self.assert_fails(self.web.get(f"/v1/{job}/model?light=99"), 400, "LIGHT_INVALID")
+
+    def test_files_come_with_names(self):
+        job = self.web_job()
+        for query, ending in (("", ".ply"), ("PLY_FULL", ".ply"), ("SPZ", ".spz"), ("SPZ_V4", ".spz"),
+                              ("SOG", ".sog"), ("SPLAT", ".splat"), ("COMPRESSED_PLY", ".compressed.ply"),
+                              ("GLB", ".glb"), ("USDA", ".usda"), ("COLMAP", ".zip"), ("HTML", ".html"),
+                              ("POINTS", ".points.ply"), ("LAS", ".las"), ("MESH_PLY", ".mesh.ply"),
+                              ("MESH_GLB", ".mesh.glb")):
+            with self.subTest(query):
+                reply = self.web.get(f"/v1/{job}/model" + (query and f"?format=MODEL_FORMAT_{query}"))
+                self.assertEqual(reply.code, 200, reply.body)
+                name = job.removeprefix("jobs/") + ending
+                self.assertEqual(reply.headers["Content-Disposition"], f'attachment; filename="{name}"')
 
     def test_a_report_is_the_one_that_the_client_writes(self):
         job = self.web_job()
         reply = self.web.get(f"/v1/{job}/report")
         self.assertEqual((reply.code, reply.headers["Content-Type"]), (200, "text/html; charset=utf-8"))
-        self.assertEqual(reply.headers["Content-Disposition"], "attachment")
+        name = job.removeprefix("jobs/") + ".html"
+        self.assertEqual(reply.headers["Content-Disposition"], f'attachment; filename="{name}"')
         path = pathlib.Path(self.folder, "report.html")
         self.litags("report", job, "-o", str(path))
 

@@ -27,6 +27,11 @@ inline constexpr std::array<std::string_view, 4> kCamerasEndings = {".json", ".s
 inline constexpr std::array<std::string_view, 2> kColmapEndings = {".bin", ".txt"};
 inline constexpr std::array<std::string_view, 4> kArchiveEndings = {".zip", ".tar", ".tar.gz",
                                                                     ".tgz"};
+// How a scene's file ends, by number of ModelFormat; 0 is the default.
+inline constexpr std::array<std::string_view, 17> kModelEndings = {
+    ".ply",      ".ply",      ".ply",  ".ply", ".spz", ".spz",        ".compressed.ply",
+    ".splat",    ".glb",      ".usda", ".sog", ".zip", ".points.ply", ".las",
+    ".mesh.ply", ".mesh.glb", ".html"};
 
 }  // namespace litags::v1
 
