@@ -24,16 +24,18 @@ v1::PhotoFindings ToProto(const PhotoFindings& findings) {
 }
 
 ScreenedPhoto LookOf(const FileRecord& file, const PhotoFindings& findings, bool with_cameras) {
-  return {.name = file.name,
-          .width = file.width,
-          .height = file.height,
-          .mean_code = findings.mean_code,
-          .light = findings.light,
-          .structure = findings.structure,
-          .sharpness = findings.sharpness,
-          .detail = {.fine = findings.fine_detail, .coarse = findings.coarse_detail},
-          .pixels = findings.pixels,
-          .has_views = findings.has_views != 0 && !with_cameras};
+  ScreenedPhoto look;
+  look.name = file.name;
+  look.width = file.width;
+  look.height = file.height;
+  look.mean_code = findings.mean_code;
+  look.light = findings.light;
+  look.structure = findings.structure;
+  look.sharpness = findings.sharpness;
+  look.detail = {.fine = findings.fine_detail, .coarse = findings.coarse_detail};
+  look.pixels = findings.pixels;
+  look.has_views = findings.has_views != 0 && !with_cameras;
+  return look;
 }
 
 }  // namespace
