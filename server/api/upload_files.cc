@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <string_view>
+#include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
@@ -74,6 +75,18 @@ int64_t LimitOf(FileRole role, const UploadLimits& limits) {
   if (role == FileRole::kVideo) return std::min(limits.max_video_bytes, limits.max_job_bytes);
   if (role == FileRole::kArchive) return limits.max_job_bytes;
   return limits.max_file_bytes;
+}
+
+// The innermost folder of these names tells what its files and folders are: masks/cam0/0001.png is
+// a mask, as images/cam0/masks/0001.png is.
+FileRole RoleOfFolders(const std::vector<std::string>& folders) {
+  for (auto folder = folders.rbegin(); folder != folders.rend(); ++folder) {
+    const std::string name = absl::AsciiStrToLower(*folder);
+    if (name == "mask" || name == "masks") return FileRole::kMask;
+    if (name == "depth" || name == "depths") return FileRole::kDepth;
+    if (name == "images") break;
+  }
+  return FileRole::kPhoto;
 }
 
 }  // namespace
@@ -150,19 +163,13 @@ absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
 }
 
 std::optional<FileRole> RoleInArchive(const ArchiveEntry& entry) {
-  const std::string folder =
-      entry.folders.empty() ? "" : absl::AsciiStrToLower(entry.folders.back());
   if (entry.name.starts_with(".")) return std::nullopt;
   for (const std::string& f : entry.folders) {
     if (f.starts_with(".") || f == "__MACOSX") return std::nullopt;
   }
-  if (folder == "mask" || folder == "masks") {
-    return HasExtension(entry.name, FileRole::kMask) ? std::optional(FileRole::kMask)
-                                                     : std::nullopt;
-  }
-  if (folder == "depth" || folder == "depths") {
-    return HasExtension(entry.name, FileRole::kDepth) ? std::optional(FileRole::kDepth)
-                                                      : std::nullopt;
+  const FileRole role = RoleOfFolders(entry.folders);
+  if (role != FileRole::kPhoto) {
+    return HasExtension(entry.name, role) ? std::optional(role) : std::nullopt;
   }
   // Text files of these names may be anything, save where COLMAP's are.
   const auto is_colmap_folder = [](const std::string& f) {

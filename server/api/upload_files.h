@@ -34,7 +34,7 @@ absl::Status CheckSize(FileRole role, int64_t bytes, const UploadLimits& limits,
 // One plain component with an extension that the role has. INVALID_ARGUMENT (BAD_FILE_NAME).
 absl::Status CheckName(const std::string& name, FileRole role, const std::string& field);
 
-// What a file in an archive is for, by its name and its folder; nullopt: nothing that a job uses.
+// What a file in an archive is for, by its name and its folders; nullopt: nothing that a job uses.
 std::optional<FileRole> RoleInArchive(const ArchiveEntry& entry);
 
 }  // namespace litags

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/io/depth_io.h"
 #include "server/store/digest.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/archives.h"
@@ -62,6 +63,22 @@ class DatasetArchive : public ApiTest {
     job_ = NewJob();
     return client_.Upload(job_, {{"a.tar", tar + std::string(1024, '\0'), v1::FILE_ROLE_ARCHIVE}},
                           &response_);
+  }
+
+  // What the job's files are, by name; photos have no word.
+  std::vector<std::string> StoredNames() {
+    const auto files = store_->Files(job_.substr(5));
+    std::vector<std::string> names;
+    for (const FileRecord& file : *files) {
+      if (file.role == FileRole::kArchive) continue;
+      const char* role = file.role == FileRole::kMask     ? "mask "
+                         : file.role == FileRole::kDepth  ? "depth "
+                         : file.role == FileRole::kColmap ? "colmap "
+                                                          : "";
+      names.push_back(role + file.name);
+    }
+    std::sort(names.begin(), names.end());
+    return names;
   }
 
   // Where the job's files were in the archive, in order.
@@ -124,6 +141,21 @@ TEST_F(DatasetArchive, OfConvertPy) {
   EXPECT_THAT(Skipped(), ElementsAre("distorted/ (the photos are those in images/)",
                                      "input/ (the photos are those in images/)",
                                      "stereo/ (the photos are those in images/)"));
+}
+
+TEST_F(DatasetArchive, MasksAndDepthMapsMayLieInFolders) {
+  Planes depth(1, 48, 64);
+  std::fill(depth.data.begin(), depth.data.end(), 2.0f);
+  const std::string mask = TestPng(64, 48, 7);
+  const grpc::Status sent = Send({Photos("r/images/cam0", 64, 48),
+                                  {{"r/masks/cam0/0.png", mask},
+                                   {"r/images/cam0/masks/1.png", mask},
+                                   {"r/depth/cam0/0.pfm", EncodePfm(depth)},
+                                   {"r/depth/cam0/preview.jpg", TestJpeg()}}});
+  ASSERT_TRUE(sent.ok()) << sent.error_message();
+  EXPECT_THAT(StoredNames(),
+              ElementsAre("0.png", "1.png", "2.png", "depth 0.pfm", "mask 0.png", "mask 1.png"));
+  EXPECT_THAT(Skipped(), ElementsAre("r/depth/cam0/preview.jpg"));
 }
 
 TEST_F(DatasetArchive, WithCamerasThatNoRuleTellsApartIsRefused) {
