@@ -285,6 +285,16 @@ TEST(Tiff, HolesOfFloatingPointAreBlack) {
   EXPECT_GE(*std::min_element(photo.data.begin(), photo.data.end()), 0);
 }
 
+// Of a thermal camera, in degrees Celsius.
+TEST(Tiff, TemperaturesAreRefusedByName) {
+  DeepImage image = Ramp();
+  for (uint16_t& code : image.codes) code = static_cast<uint16_t>(12000 + code / 5);
+  const std::string tiff = EncodeTestTiff(image, {.bits = 32, .white = 65.535f});
+  const absl::Status status = DecodePhoto(tiff, "images[t.tif]").status();
+  EXPECT_EQ(Reason(status), "IMAGE_UNSUPPORTED");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("values from 12 to 2"));
+}
+
 TEST(Tiff, IsTurnedUpright) {
   const auto info = ReadImageInfo(EncodeTestTiff(Ramp(), {.orientation = 6}), "f");
   ASSERT_TRUE(info.ok()) << info.status();

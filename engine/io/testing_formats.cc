@@ -52,7 +52,7 @@ std::string TiffSamples(const DeepImage& image, const TiffLayout& layout, int pa
                                                   : 0;
         if (layout.bits == 8) out += static_cast<char>(code / 257);
         if (layout.bits == 16) AppendNumber(&out, code);
-        if (layout.bits == 32) AppendNumber(&out, code / 65535.0f);
+        if (layout.bits == 32) AppendNumber(&out, code / 65535.0f * layout.white);
       }
     }
   }

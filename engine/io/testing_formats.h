@@ -48,7 +48,8 @@ struct TestYCbCr {
 std::string EncodeTestWebp(const TestYCbCr& picture, int quality);
 
 struct TiffLayout {
-  int bits = 8;         // 8, 16; 32: floating point, of which 1 is code 65535
+  int bits = 8;         // 8, 16; 32: floating point
+  float white = 1;      // code 65535 in floating point
   int compression = 1;  // TIFF's number
   bool tiled = false;
   bool planar = false;

@@ -5,10 +5,12 @@
 #include <cstdarg>
 #include <cstdio>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_format.h"
 #include "engine/io/color_space.h"
 #include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
@@ -203,6 +205,36 @@ absl::StatusOr<ColorSpace> ColorSpaceOf(const TiffFile& file, const Layout& layo
   return layout.is_float ? ColorSpace::Gamma(1, layout.colors) : ColorSpace::Srgb(layout.colors);
 }
 
+// Values in floating point that are no light of which 1 is white, but temperatures, say.
+class ValueRange {
+ public:
+  void Add(const float* values, size_t n) {
+    for (size_t i = 0; i < n; ++i) {
+      least_ = std::min(least_, values[i]);
+      most_ = std::max(most_, values[i]);
+      above_ += values[i] > kMostLight;
+    }
+    all_ += n;
+  }
+
+  absl::Status Check(std::string_view field) const {
+    if (2 * above_ <= all_) return absl::OkStatus();
+    return InvalidField(
+        "IMAGE_UNSUPPORTED", field,
+        absl::StrFormat(
+            "a TIFF in floating point with values from %.4g to %.4g, most of them above "
+            "%g, where 1 is white; divide the values of all photos by one number. "
+            "Temperatures are no light: send the photos of the camera beside the "
+            "thermal one",
+            least_, most_, kMostLight));
+  }
+
+ private:
+  static constexpr float kMostLight = 4.9f;  // that a photo's samples hold
+  float least_ = std::numeric_limits<float>::infinity(), most_ = -least_;
+  uint64_t above_ = 0, all_ = 0;
+};
+
 // A strip or tile: all its samples, or those of one plane.
 class Block {
  public:
@@ -288,6 +320,7 @@ absl::StatusOr<Photo> DecodeTiff(std::string_view bytes, const ImageInfo& info,
   }
   Photo photo(info.width, info.height);
   std::vector<float> codes(size_t(layout.colors) * block.width());
+  ValueRange range;
   const uint32_t width = photo.width, height = photo.height;
   for (uint32_t y = 0; y < height; y += block.height()) {
     for (uint32_t x = 0; x < width; x += block.width()) {
@@ -295,10 +328,12 @@ absl::StatusOr<Photo> DecodeTiff(std::string_view bytes, const ImageInfo& info,
       const uint32_t n = std::min(block.width(), width - x);
       for (uint32_t row = 0; row < std::min(block.height(), height - y); ++row) {
         block.Row(row, n, codes.data());
+        if (layout.is_float) range.Add(codes.data(), size_t{n} * layout.colors);
         space.Convert(codes.data(), n, photo.pixel(static_cast<int>(x), static_cast<int>(y + row)));
       }
     }
   }
+  LITAGS_RETURN_IF_ERROR(range.Check(field));
   return photo;
 }
 

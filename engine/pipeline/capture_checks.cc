@@ -17,7 +17,9 @@ namespace {
 constexpr double kNotFlat = 1e-3;            // part of a photo's pixels
 constexpr int kSameSample = kPhotoCode / 8;  // differences up to it are none
 constexpr double kMostlyBlack = 0.5;         // of the pixels: the median one is black
-constexpr double kMixedExposureStops = 2;    // a camera on automatic stays below
+// Hundredths of a kelvin, of a room or a forest, lie within 12 codes of 255, from 110 on. Choice
+constexpr int kCloseCodes = 16;
+constexpr double kMixedExposureStops = 2;  // a camera on automatic stays below
 // The near plane is this share of the depth that all but kNearest of what photos saw has. Choices
 constexpr double kNearShare = 0.5, kNearest = 0.01;
 constexpr double kLeastNearPlane = 1e-5;  // scene units; sizes of Gaussians end at 1e-7
@@ -62,6 +64,7 @@ PhotoDarkness MeasureDarkness(const Photo& photo, const PlaneU8& mask, const Ima
     // One 8-bit code is 257 of 65535.
     const auto [least, most] = std::minmax_element(photo.data.begin(), photo.data.end());
     darkness.narrow = *least < *most && *most < kPhotoCode;
+    darkness.close = *most - *least < kCloseCodes * kPhotoCode && 2 * *least > *most;
   }
   return darkness;
 }
@@ -76,15 +79,20 @@ void NoteDarkness(const std::vector<View>& views, const std::vector<PhotoDarknes
         "longer exposures or RAW files would show it",
         100 * black));
   }
-  const auto narrow = [](const PhotoDarkness& photo) { return photo.narrow; };
-  const auto count = std::count_if(photos.begin(), photos.end(), narrow);
-  if (count == 0) return;
-  const auto first = std::find_if(photos.begin(), photos.end(), narrow) - photos.begin();
-  notes->push_back(absl::StrCat("all values of ", Counted(count, "photo"), " of 16 bits, such as ",
-                                views[first].name,
-                                ", are below 256: they are taken for light far below white; if "
-                                "they are codes of 8 bits, save "
-                                "them in files of 8 bits"));
+  const auto note = [&](bool PhotoDarkness::*member, const char* what) {
+    const auto is = [&](const PhotoDarkness& photo) { return photo.*member; };
+    const auto count = std::count_if(photos.begin(), photos.end(), is);
+    if (count == 0) return;
+    const auto first = std::find_if(photos.begin(), photos.end(), is) - photos.begin();
+    notes->push_back(absl::StrCat("all values of ", Counted(count, "photo"),
+                                  " of 16 bits, such as ", views[first].name, ", ", what));
+  };
+  note(&PhotoDarkness::narrow,
+       "are below 256: they are taken for light far below white; if they are codes of 8 bits, save "
+       "them in files of 8 bits");
+  note(&PhotoDarkness::close,
+       "lie close together and far from 0, as temperatures do: as light they show next to nothing; "
+       "stretch them to the whole range, those of all photos alike");
 }
 
 void NoteExposures(const std::vector<View>& views, const std::vector<double>& exposures,

@@ -26,11 +26,12 @@ std::optional<std::array<uint8_t, 3>> FlatColor(const Photo& photo, const PlaneU
 struct PhotoDarkness {
   double black = 0;     // share of the pixels whose luma is below code 1, in files of 8 bits
   bool narrow = false;  // a PNG or TIFF of 16 bits whose values are all below 256
+  bool close = false;   // one whose values all lie close together, far from 0, as temperatures do
 };
 PhotoDarkness MeasureDarkness(const Photo& photo, const PlaneU8& mask, const ImageInfo& info);
 
-// Says so if most of what the photos show is black, or if files of 16 bits hold numbers of 8. Not
-// empty; in the order of `views`.
+// Says so if most of what the photos show is black, if files of 16 bits hold numbers of 8, or
+// numbers that are no light. Not empty; in the order of `views`.
 void NoteDarkness(const std::vector<View>& views, const std::vector<PhotoDarkness>& photos,
                   std::vector<std::string>* notes);
 

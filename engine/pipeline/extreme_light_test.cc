@@ -14,6 +14,7 @@
 #include "engine/core/rng.h"
 #include "engine/io/file_util.h"
 #include "engine/io/testing_formats.h"
+#include "engine/pipeline/capture_checks.h"
 #include "engine/pipeline/capture_test_util.h"
 
 namespace litags {
@@ -206,6 +207,27 @@ TEST(ExtremeLight, NumbersOfEightBitsInFilesOfSixteenAreSaid) {
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_THAT(report->notes, Contains(HasSubstr(kNarrow)));
   EXPECT_GT(LookOf(*report).mean, 0.2);
+}
+
+// Hundredths of a kelvin.
+TEST(ExtremeLight, TemperaturesInFilesOfSixteenBitsAreSaid) {
+  Photo photo(4, 1);
+  for (size_t i = 0; i < photo.data.size(); ++i) {
+    photo.data[i] = PhotoSample(static_cast<float>(28500 + 100 * i) / 65535);
+  }
+  ImageInfo info;
+  info.format = ImageFormat::kTiff;
+  info.bit_depth = 16;
+  const PhotoDarkness darkness = MeasureDarkness(photo, {}, info);
+  std::vector<View> views(1);
+  views[0].name = "t.tif";
+  std::vector<std::string> notes;
+  NoteDarkness(views, {darkness}, &notes);
+  EXPECT_THAT(notes, testing::ElementsAre(HasSubstr("of 16 bits, such as t.tif, lie close")));
+  // A photo in the dark has values about 0.
+  const int16_t least = photo.data[0];
+  for (int16_t& sample : photo.data) sample = static_cast<int16_t>(sample - least);
+  EXPECT_FALSE(MeasureDarkness(photo, {}, info).close);
 }
 
 // The light of the first target where a torch shines, on a tenth of each photo, five stops too
