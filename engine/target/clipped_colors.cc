@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/core/mask.h"
+#include "engine/core/parallel.h"
 #include "engine/target/float_image.h"
 
 namespace litags {
@@ -97,43 +98,68 @@ Rgb EstimateLogRatio(const ScenePalette& palette, float log_exposure, const Rgb&
   return log_light;
 }
 
+// What a photo shows of the scene in one place.
+struct Place {
+  Rgb log_light = {};    // 1: the photo's white
+  bool clipped = false;  // log_light is the least that it may be
+};
+
+// Of every stride-th pixel of a row and of a column, those of which all channels were measured, or
+// none.
+std::vector<Place> PlacesOf(const Photo& photo, const PlaneU8& mask, const Brightening& brightening,
+                            int stride) {
+  const FloatImage codes = SmoothCodes(brightening.Undone(photo));
+  std::vector<Place> places;
+  for (int y = stride / 2; y < codes.rows; y += stride) {
+    for (int x = stride / 2; x < codes.cols; x += stride) {
+      if (!Counts(mask, x, y)) continue;
+      const cv::Vec3f& code = codes(y, x);
+      const auto [low, high] = std::minmax({code[0], code[1], code[2]});
+      const bool measured = high <= kKnee && LightOf(low) >= kLeastLight;
+      const bool clipped = !measured && low > (kKnee + kTop) / 2;
+      if (!measured && !clipped) continue;
+      const std::array<float, 3> grew = brightening.At(x, y);
+      Place place = {.clipped = clipped};
+      for (int c = 0; c < 3; ++c) {
+        place.log_light[c] = std::log(measured ? LightOf(code[c]) * grew[c] : grew[c]);
+      }
+      places.push_back(place);
+    }
+  }
+  return places;
+}
+
 }  // namespace
 
 float Clippedness(float code) { return SmoothStep((code - kKnee) / (kTop - kKnee)); }
 
 ScenePalette CollectPalette(absl::Span<const Photo> photos, absl::Span<const double> exposures,
                             double gain, absl::Span<const PlaneU8> masks,
-                            absl::Span<const Brightening> brightened) {
+                            absl::Span<const Brightening> brightened, int threads,
+                            const CancelToken& cancel) {
+  std::vector<std::vector<Place>> places(photos.size());
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    if (cancel.IsCancelled()) return;
+    const size_t pixels = photos[i].pixels() * photos.size();
+    const int stride = std::ceil(std::sqrt(double(pixels) / kPlaces));
+    places[i] = PlacesOf(photos[i], MaskOf(masks, i), BrighteningOf(brightened, i), stride);
+  });
   ScenePalette palette;
   double spread = 0;  // in [0, 1), evenly for any number of places
   for (size_t i = 0; i < photos.size(); ++i) {
-    const Brightening brightening = BrighteningOf(brightened, i);
-    const FloatImage codes = SmoothCodes(brightening.Undone(photos[i]));
     const float log_exposure = std::log(exposures[i]);
     const float log_headroom = std::max(0.0, std::log(exposures[i] / gain));
-    const int stride = std::ceil(std::sqrt(double(codes.total()) * photos.size() / kPlaces));
-    for (int y = stride / 2; y < codes.rows; y += stride) {
-      for (int x = stride / 2; x < codes.cols; x += stride) {
-        if (!Counts(MaskOf(masks, i), x, y)) continue;
-        const cv::Vec3f& code = codes(y, x);
-        const auto [low, high] = std::minmax({code[0], code[1], code[2]});
-        const std::array<float, 3> grew = brightening.At(x, y);
-        Rgb color;
-        if (high <= kKnee && LightOf(low) >= kLeastLight) {
-          for (int c = 0; c < 3; ++c)
-            color[c] = std::log(LightOf(code[c]) * grew[c]) - log_exposure;
-        } else if (low > (kKnee + kTop) / 2) {
-          spread = std::fmod(spread + 0.6180339887, 1.0);
-          for (int c = 0; c < 3; ++c) {
-            const float white = std::log(grew[c]);
-            color[c] = white + static_cast<float>(spread) * std::max(0.0f, log_headroom - white) -
-                       log_exposure;
-          }
-        } else {
-          continue;
+    for (const Place& place : places[i]) {
+      if (place.clipped) spread = std::fmod(spread + 0.6180339887, 1.0);
+      Rgb color;
+      for (int c = 0; c < 3; ++c) {
+        float light = place.log_light[c];
+        if (place.clipped) {
+          light += static_cast<float>(spread) * std::max(0.0f, log_headroom - light);
         }
-        palette.push_back(color);
+        color[c] = light - log_exposure;
       }
+      palette.push_back(color);
     }
   }
   return palette;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
+#include "engine/core/cancel.h"
 #include "engine/core/color.h"
 #include "engine/core/photo.h"
 #include "engine/target/response.h"
@@ -23,10 +24,12 @@ using ScenePalette = std::vector<Rgb>;
 
 // Some thousand colours that the photos show unclipped. Of places where all channels are clipped
 // nothing is known; they stand among them as white, as bright as photos cannot show, up to 1 /
-// gain at exposure 1. `exposures`, `masks` and `brightened` as for MakeTargets (tone.h).
+// gain at exposure 1. `exposures`, `masks` and `brightened` as for MakeTargets (tone.h). The same
+// for any `threads`; once cancelled, without the photos that are left.
 ScenePalette CollectPalette(absl::Span<const Photo> photos, absl::Span<const double> exposures,
                             double gain, absl::Span<const PlaneU8> masks,
-                            absl::Span<const Brightening> brightened = {});
+                            absl::Span<const Brightening> brightened = {}, int threads = 1,
+                            const CancelToken& cancel = CancelToken());
 
 // The colours of a palette as photos of one exposure clip them. A clipped pixel has the mean of
 // the palette's colours, of any brightness, weighted by how well they agree with the channels

@@ -138,6 +138,21 @@ TEST(CollectPalette, WhatIsClippedIsAnyWhiteThatThePhotoCannotShow) {
   EXPECT_NEAR(most, std::log(4.0), 0.01);   // the target's
 }
 
+TEST(CollectPalette, IsTheSameForAnyThreadsAndEmptyOnceCancelled) {
+  const std::vector<Photo> photos = {Uniform(255, 255, 255), Uniform(120, 90, 60),
+                                     Uniform(255, 255, 254)};
+  const std::vector<double> exposures = {2, 1, 1.5};
+  const auto palette = [&](int threads, const CancelToken& cancel) {
+    return CollectPalette(photos, exposures, 0.25, {}, {}, threads, cancel);
+  };
+  const ScenePalette one = palette(1, CancelToken());
+  EXPECT_GT(one.size(), 1000u);
+  EXPECT_EQ(one, palette(3, CancelToken()));
+  CancelToken cancel;
+  cancel.Cancel();
+  EXPECT_TRUE(palette(3, cancel).empty());
+}
+
 TEST(CollectPalette, MaskedDarkAndPartlyClippedPixelsAreLeftOut) {
   PlaneU8 mask(kWidth, kHeight);
   EXPECT_TRUE(CollectPalette({Uniform(120, 90, 60)}, {1.0}, 0.25, {mask}).empty());

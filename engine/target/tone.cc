@@ -119,16 +119,20 @@ std::vector<ToneTarget> CaptureTargets(absl::Span<const Photo> photos,
                                        const std::function<void(int)>& done,
                                        const CancelToken& cancel) {
   const double gain = CaptureGain(photos, exposures, threads, facts);
+  std::vector<char> clipped(photos.size(), false);
+  ParallelFor(threads, photos.size(), [&](size_t i, int) {
+    if (cancel.IsCancelled()) return;
+    clipped[i] = gain < exposures[i] && HasClipped(photos[i], BrighteningOf(facts.brightened, i));
+  });
   // By quarters of a stop: finer, exposures make no difference to what is clipped.
   std::map<int, ClippedColors> tables;
   std::vector<const ClippedColors*> colors(photos.size(), nullptr);
   ScenePalette palette;
   for (size_t i = 0; i < photos.size(); ++i) {
-    if (gain >= exposures[i] || !HasClipped(photos[i], BrighteningOf(facts.brightened, i))) {
-      continue;
-    }
+    if (!clipped[i] || cancel.IsCancelled()) continue;
     if (tables.empty()) {
-      palette = CollectPalette(photos, exposures, gain, facts.masks, facts.brightened);
+      palette =
+          CollectPalette(photos, exposures, gain, facts.masks, facts.brightened, threads, cancel);
     }
     const int step = static_cast<int>(std::lround(4 * std::log2(exposures[i])));
     colors[i] = &tables.try_emplace(step, palette, std::exp2(step / 4.0)).first->second;
