@@ -67,6 +67,23 @@ class Directory {
   std::map<uint16_t, Entry> entries_;  // in order of their tags, as TIFF wants them
 };
 
+// A list of opcodes with a GainMap of one point, which is 1. Big-endian.
+std::string GainMapOf(const SensorFrame& frame) {
+  std::string list;
+  const auto add = [&](uint32_t number) {
+    for (int shift = 24; shift >= 0; shift -= 8) list += static_cast<char>(number >> shift);
+  };
+  constexpr uint32_t kGainMap = 9, kVersion = 0x01030000, kBytes = 80, kOne = 0x3F800000;
+  for (const uint32_t number : {1u, kGainMap, kVersion, 0u, kBytes}) add(number);
+  // The area, its first plane and planes, rows and columns between its pixels, points.
+  const auto height = static_cast<uint32_t>(frame.height),
+             width = static_cast<uint32_t>(frame.width);
+  for (const uint32_t number : {0u, 0u, height, width, 0u, 1u, 1u, 1u, 1u, 1u}) add(number);
+  for (int i = 0; i < 8; ++i) add(0);                    // doubles: between points, and the first
+  for (const uint32_t number : {1u, kOne}) add(number);  // planes of the map, its point
+  return list;
+}
+
 Directory ExposureOf(const SensorFrame& frame) {
   Directory exif;
   if (frame.exposure_time > 0) exif.Ratios(33434, kRational, std::array{frame.exposure_time});
@@ -109,6 +126,7 @@ std::string EncodeDng(const SensorFrame& frame) {
   main.Ratios(50721, kSigned, kColorMatrix);
   main.Ratios(50728, kRational, frame.neutral);
   main.Shorts(50778, {kD65});
+  if (frame.has_gain_map) main.Bytes(51009, GainMapOf(frame));
 
   const uint32_t exif_start = kHeader + bytes;
   const std::string exif = ExposureOf(frame).Write(exif_start);

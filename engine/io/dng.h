@@ -20,6 +20,7 @@ struct SensorFrame {
   double f_number = 0;
   int iso = 0;
   int focal_length_35mm = 0;
+  bool has_gain_map = false;  // says that the lens shades nothing
 };
 
 std::string EncodeDng(const SensorFrame& frame);

@@ -62,6 +62,8 @@ struct ImageInfo {
   // JPEG: quantisation step of the mean of a block of Cb or Cr, the larger, as the file has it (8
   // times 8-bit codes); 0: no such thing.
   int chroma_step = 0;
+  // DNG: it says how the lens shades the corners (GainMap), which decoding does not undo.
+  bool has_gain_map = false;
 };
 
 // Bits of a channel that say something of the picture: PNG's sBIT, else all of them.

@@ -451,6 +451,16 @@ TEST(Raw, NoiseAroundBlackIsNotCutOff) {
   EXPECT_LT(*std::min_element(photo.data.begin(), photo.data.end()), -kPhotoCode);
 }
 
+// Phones' RAW has one.
+TEST(Raw, AGainMapIsSaid) {
+  SensorFrame frame = FlatFrame({1000, 1000, 1000});
+  EXPECT_FALSE(ReadImageInfo(EncodeDng(frame), "f")->has_gain_map);
+  frame.has_gain_map = true;
+  const std::string dng = EncodeDng(frame);
+  EXPECT_TRUE(ReadImageInfo(dng, "f")->has_gain_map);
+  EXPECT_TRUE(DecodePhoto(dng, "f").ok());
+}
+
 TEST(Raw, IsTurnedUpright) {
   SensorFrame frame = FlatFrame({1000, 1000, 1000});
   for (int y = 0; y < kHeight; ++y) {

@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/io/byte_reader.h"
 #include "engine/io/color_space.h"
 #include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
@@ -31,26 +32,52 @@ std::string_view TextOf(const char (&text)[kSize]) {
   return {text, strnlen(text, kSize)};
 }
 
-// Whether a TIFF is one of a sensor's numbers.
-bool HoldsSensorData(std::string_view bytes) {
-  constexpr uint16_t kPhotometric = 262, kSubDirectories = 330, kDngVersion = 50706;
-  constexpr int kSensor = 32803, kLinear = 34892;
+// The main directory of a TIFF and those below it.
+std::vector<size_t> DirectoriesOf(const TiffReader& reader) {
+  constexpr uint16_t kSubDirectories = 330;
   constexpr uint32_t kMaxDirectories = 16;
-  const TiffReader reader(bytes);
   const size_t main = reader.FirstDirectory();
-  if (main == 0) return false;
-  if (reader.FindEntry(main, kDngVersion) != 0) return true;
-  const auto is_sensor = [&](size_t directory) {
-    const int kind = reader.Get<uint16_t>(reader.Find(directory, kPhotometric, TiffReader::kShort));
-    return kind == kSensor || kind == kLinear;
-  };
+  if (main == 0) return {};
+  std::vector<size_t> directories = {main};
   const size_t entry = reader.FindEntry(main, kSubDirectories);
   const uint32_t n = std::min(reader.CountOf(entry), kMaxDirectories);
   const size_t list = n > 1 ? reader.Get<uint32_t>(entry + 8) : entry + 8;
-  for (uint32_t i = 0; i < n; ++i) {
-    if (is_sensor(reader.Get<uint32_t>(list + 4 * i))) return true;
+  for (uint32_t i = 0; i < n; ++i) directories.push_back(reader.Get<uint32_t>(list + 4 * i));
+  return directories;
+}
+
+// Whether a TIFF is one of a sensor's numbers.
+bool HoldsSensorData(std::string_view bytes) {
+  constexpr uint16_t kPhotometric = 262, kDngVersion = 50706;
+  constexpr int kSensor = 32803, kLinear = 34892;
+  const TiffReader reader(bytes);
+  if (reader.FindEntry(reader.FirstDirectory(), kDngVersion) != 0) return true;
+  const std::vector<size_t> directories = DirectoriesOf(reader);
+  return std::any_of(directories.begin(), directories.end(), [&](size_t directory) {
+    const int kind = reader.Get<uint16_t>(reader.Find(directory, kPhotometric, TiffReader::kShort));
+    return kind == kSensor || kind == kLinear;
+  });
+}
+
+// Whether a DNG's second list of opcodes, which is for light, has a GainMap.
+bool HasGainMap(std::string_view bytes) {
+  constexpr uint16_t kOpcodeList2 = 51009;
+  constexpr uint32_t kGainMap = 9, kMaxOpcodes = 64;
+  const TiffReader reader(bytes);
+  for (const size_t directory : DirectoriesOf(reader)) {
+    const size_t entry = reader.FindEntry(directory, kOpcodeList2);
+    const size_t at = entry == 0 ? bytes.size() : reader.Get<uint32_t>(entry + 8);
+    ByteReader list(bytes.substr(std::min(at, bytes.size())));
+    uint32_t count = 0, id = 0, version = 0, flags = 0, size = 0;
+    list.ReadBig(&count);
+    for (uint32_t i = 0; i < std::min(count, kMaxOpcodes); ++i) {
+      if (!list.ReadBig(&id) || id == kGainMap) break;
+      if (!list.ReadBig(&version) || !list.ReadBig(&flags) || !list.ReadBig(&size)) break;
+      if (!list.Skip(size)) break;
+    }
+    if (id == kGainMap) return true;
   }
-  return is_sensor(main);
+  return false;
 }
 
 bool IsRaw(std::string_view bytes) {
@@ -184,6 +211,7 @@ absl::StatusOr<ImageInfo> ReadRawInfo(std::string_view bytes, std::string_view f
   info.height = sizes.iheight;
   info.orientation = OrientationOf(sizes.flip);
   info.bit_depth = 16;
+  info.has_gain_map = HasGainMap(bytes);
   info.exposure_time = data.other.shutter;
   info.iso = data.other.iso_speed;
   info.f_number = data.other.aperture;
