@@ -20,6 +20,9 @@ namespace {
 // show as little, is as light as the others.
 constexpr double kUnlit = 0.5;
 
+// Channels that differ by less are the same but for rounding.
+constexpr int kSameSample = kPhotoCode / 8;
+
 // The photo to keep of those with the same pixels: copies have longer names ("0001 (1).jpg"), which
 // cameras do not know.
 std::map<std::string, std::string> Originals(absl::Span<const ScreenedPhoto> photos) {
@@ -53,6 +56,14 @@ Planes SmallLuma(const Photo& photo) {
   return luma;
 }
 
+bool IsGrey(const Photo& photo) {
+  for (size_t i = 0; i < photo.data.size(); i += 3) {
+    const auto [least, most] = std::minmax({photo.data[i], photo.data[i + 1], photo.data[i + 2]});
+    if (most - least > kSameSample) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 std::string DescribeFlat(const std::array<uint8_t, 3>& color) {
@@ -72,6 +83,7 @@ ScreenedPhoto LookAt(std::string name, const Photo& photo) {
   look.mean_code = codes / photo.data.size() / kPhotoCode;
   look.light = light / photo.data.size();
   look.flat = FlatColor(photo);
+  look.grey = IsGrey(photo);
   const Planes luma = SmallLuma(photo);
   look.sharpness = SharpnessOf(luma);
   look.detail = DetailOf(luma);

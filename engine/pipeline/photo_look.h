@@ -10,6 +10,7 @@
 
 #include "absl/types/span.h"
 #include "engine/core/photo.h"
+#include "engine/io/image_io.h"
 #include "engine/pipeline/photo_detail.h"
 
 namespace litags {
@@ -28,6 +29,8 @@ struct ScreenedPhoto {
   // Its metadata say what of the sphere it is, so that a run without given cameras takes views of
   // it.
   bool has_views = false;
+  bool grey = false;  // it has no colour, as of a camera that sees by infrared light at night
+  ImageInfo info;     // what its file says of it; LookAt() does not know it
 };
 
 // "is of one colour, (0, 0, 0)".

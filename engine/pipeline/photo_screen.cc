@@ -60,11 +60,11 @@ Decoded Decode(const std::string& dir, const std::string& name, const std::strin
   d.photo = LookAt(name, *photo);
   d.photo.has_views = StatesViews(*bytes, photo->width, photo->height);
   d.no_end_mark = IsJpeg(*bytes) && LacksJpegEnd(*bytes);
-  const auto info = ReadImageInfo(*bytes, PhotoField(name));
-  if (!info.ok()) return d;
+  d.photo.info = ReadImageInfo(*bytes, PhotoField(name)).value_or(ImageInfo());
+  const ImageInfo& info = d.photo.info;
   // A PNG of fewer bits than it has room for was made of another file, as of a video's frame.
-  d.blocks = !IsPng(*bytes) || SignificantBits(*info) < info->bit_depth;
-  const PlaneU8 alpha = AlphaMask(*bytes, info->orientation);
+  d.blocks = !IsPng(*bytes) || SignificantBits(info) < info.bit_depth;
+  const PlaneU8 alpha = AlphaMask(*bytes, info.orientation);
   if (alpha.empty()) return d;
   absl::StatusOr<std::string> png = EncodeMask(alpha);
   d.status = png.status();
@@ -307,6 +307,30 @@ absl::Status AddFoundMasks(const ReconstructInput& input, const std::vector<Deco
   return absl::OkStatus();
 }
 
+// Phones' RAW has them.
+void NoteGainMaps(const std::vector<ScreenedPhoto>& photos, std::vector<std::string>* notes) {
+  const auto has = [](const ScreenedPhoto& photo) { return photo.info.has_gain_map; };
+  const auto first = std::find_if(photos.begin(), photos.end(), has);
+  if (first == photos.end()) return;
+  const auto count = std::count_if(photos.begin(), photos.end(), has);
+  notes->push_back(absl::StrCat("the map of the lens's shading (DNG's GainMap) of ",
+                                Counted(count, "photo"), ", such as ", first->name,
+                                ", is not applied: corners may be darker"));
+}
+
+// They would be learnt as colours.
+void NoteGrey(const std::vector<ScreenedPhoto>& photos, std::vector<std::string>* notes) {
+  const auto is_grey = [](const ScreenedPhoto& photo) { return photo.grey; };
+  const auto first = std::find_if(photos.begin(), photos.end(), is_grey);
+  const auto grey = static_cast<size_t>(std::count_if(photos.begin(), photos.end(), is_grey));
+  if (grey == 0 || grey == photos.size()) return;
+  notes->push_back(absl::StrCat(grey, " of ", photos.size(), " photos ",
+                                grey == 1 ? "has no colour: " : "have no colour, such as ",
+                                first->name,
+                                "; the scene's colours fade by them: leave them out if colours "
+                                "matter"));
+}
+
 // Views of one photo are as sharp as its sharpest: of the sky there is little fine detail.
 void ShareDetail(const RigViews& rig_views, std::vector<ScreenedPhoto>* photos) {
   std::map<std::string, PhotoDetail> sharpest;  // by the photo
@@ -388,6 +412,8 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int thre
   }
   LITAGS_RETURN_IF_ERROR(AddFoundMasks(input, used, &screen));
   for (Decoded& d : used) screen.photos.push_back(std::move(d.photo));
+  NoteGrey(screen.photos, &screen.notes);
+  NoteGainMaps(screen.photos, &screen.notes);
   for (const PhotoLeftOut& photo : screen.left_out) {
     screen.masks.erase(photo.name);
     screen.notes.push_back(photo.unreadable

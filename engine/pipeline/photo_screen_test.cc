@@ -115,6 +115,26 @@ TEST(PhotoScreen, APhotoOfOneColourIsLeftOutAlsoWhereMostAre) {
   EXPECT_THAT(screen->left_out[7].why, HasSubstr("nothing but noise"));
 }
 
+// Of a camera that sees by infrared light at night.
+TEST(PhotoScreen, GreyPhotosAmongOthersAreNamed) {
+  const RoomCapture capture(4);
+  for (int i = 3; i >= 0; --i) {
+    ImageU8 photo = capture.Photo(i, Light::kNormal);
+    for (size_t k = 0; k < photo.data.size(); k += 3)
+      photo.data[k] = photo.data[k + 2] = photo.data[k + 1];
+    capture.SetPhoto(i, photo);
+    const auto screen = Screen(capture.Input("work"));
+    ASSERT_TRUE(screen.ok()) << screen.status();
+    EXPECT_EQ(screen->photos.size(), 4u);
+    if (i == 0) {
+      EXPECT_THAT(screen->notes, IsEmpty());
+    } else {
+      EXPECT_THAT(screen->notes, ElementsAre(HasSubstr(absl::StrCat(4 - i, " of 4 photos ha"))));
+      EXPECT_THAT(screen->notes[0], HasSubstr(RoomCapture::Name(i)));
+    }
+  }
+}
+
 TEST(PhotoScreen, UnreadablePhotosAreLeftOutWhileEnoughRemain) {
   const RoomCapture capture(6);
   const auto write = [&](int i, const std::string& bytes) {

@@ -190,12 +190,10 @@ std::string TableOf(const Inspection& found) {
       absl::StrFormat(kLine, Padded("photo", kNameWidth), "px", "lens", "exposure", "code", "stops",
                       "sharp", "mask", input.cameras_path.empty() ? "" : " camera");
   for (const ScreenedPhoto& photo : screen.photos) {
-    const ImageInfo info =
-        ReadImageSize(input.images_dir + "/" + photo.name, photo.name).value_or(ImageInfo());
     const auto wide = wide_by_name.find(photo.name);
     absl::StrAppendFormat(
         &text, kLine, Padded(photo.name, kNameWidth), absl::StrCat(photo.width, "x", photo.height),
-        Lens(info, wide == wide_by_name.end() ? nullptr : wide->second), Exposure(info),
+        Lens(photo.info, wide == wide_by_name.end() ? nullptr : wide->second), Exposure(photo.info),
         absl::StrFormat("%.1f", photo.mean_code), Stops(photo.light, middle_light),
         absl::StrFormat("%.2f", middle_sharpness > 0 ? photo.sharpness / middle_sharpness : 0),
         screen.masks.contains(photo.name) ? "yes" : "-",
