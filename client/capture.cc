@@ -8,6 +8,7 @@
 #include <initializer_list>
 #include <iterator>
 #include <memory>
+#include <set>
 #include <string_view>
 #include <system_error>
 
@@ -70,7 +71,7 @@ std::string Joined(Endings endings) {
 
 struct PhotoFolder {
   fs::path path;
-  size_t photos = 0;
+  std::vector<std::string> photos;  // their names
 };
 
 // The subfolders with photos in them, sorted; "masks" holds none. litags inspect has the same rule
@@ -81,16 +82,32 @@ std::vector<PhotoFolder> FoldersWithPhotos(const fs::path& dir) {
   for (const auto& entry : fs::directory_iterator(dir, error)) {
     const std::string name = entry.path().filename().string();
     if (name.starts_with(".") || name == "masks" || !entry.is_directory(error)) continue;
-    PhotoFolder folder{entry.path()};
+    PhotoFolder folder{entry.path(), {}};
     for (const auto& inner : fs::directory_iterator(entry.path(), error)) {
       const bool hidden = inner.path().filename().string().starts_with(".");
-      folder.photos += !hidden && HasEnding(inner.path(), v1::kPhotoEndings);
+      if (hidden || !HasEnding(inner.path(), v1::kPhotoEndings)) continue;
+      folder.photos.push_back(inner.path().filename().string());
     }
-    if (folder.photos > 0) folders.push_back(std::move(folder));
+    std::sort(folder.photos.begin(), folder.photos.end());
+    if (!folder.photos.empty()) folders.push_back(std::move(folder));
   }
   std::sort(folders.begin(), folders.end(),
             [](const PhotoFolder& a, const PhotoFolder& b) { return a.path < b.path; });
   return folders;
+}
+
+// What to do if folders whose photos share names are a rig's; else "".
+std::string RigAdvice(const std::vector<PhotoFolder>& folders) {
+  std::set<std::string> names;
+  for (const PhotoFolder& folder : folders) {
+    for (const std::string& name : folder.photos) {
+      if (names.insert(name).second) continue;
+      const std::string camera = folder.path.filename().string();
+      return absl::StrCat(" Photos of a rig: pack them and their cameras in a ZIP file, as images/",
+                          camera, "/", name, ", or copy them to one folder as ", camera, "_", name);
+    }
+  }
+  return "";
 }
 
 // "did you mean room/day, room/night?", or "" where no subfolder holds photos.
@@ -107,7 +124,7 @@ std::string SuggestFolders(const std::vector<PhotoFolder>& folders) {
       more > 0
           ? absl::StrCat(" or ", more == 1 ? "one other" : absl::StrCat("one of ", more, " others"))
           : "",
-      "?");
+      "?", RigAdvice(folders));
 }
 
 // Where the parts of a capture are; empty: they are none.
@@ -125,8 +142,8 @@ void NoteUnusedFolders(const std::string& dir, const Places& used, Capture* capt
     if (is_it(used.photos) || is_it(used.cameras) || is_it(used.depth) || is_it(used.masks)) {
       continue;
     }
-    const bool one = folder.photos == 1;
-    capture->notes.push_back(absl::StrCat(folder.photos, one ? " photo in " : " photos in ",
+    const bool one = folder.photos.size() == 1;
+    capture->notes.push_back(absl::StrCat(folder.photos.size(), one ? " photo in " : " photos in ",
                                           folder.path.filename().string(),
                                           one ? "/ is not used" : "/ are not used"));
   }
@@ -332,7 +349,9 @@ absl::Status AddPhotos(const std::string& path, Capture* capture) {
   const absl::Status status =
       ScanFolder(path, "DIR", v1::FILE_ROLE_PHOTO, v1::kPhotoEndings, capture);
   if (!status.ok() || !capture->files.empty()) return status;
-  const std::string inside = SuggestFolders(FoldersWithPhotos(path));
+  std::vector<PhotoFolder> folders = FoldersWithPhotos(path);
+  if (folders.empty()) folders = FoldersWithPhotos(fs::path(path) / "images");
+  const std::string inside = SuggestFolders(folders);
   const std::string others = DescribeOtherPictures(capture->skipped);
   return BadInput("NO_PHOTOS", "DIR",
                   absl::StrCat(path, ": holds no photos (", Joined(v1::kPhotoEndings), "); ",

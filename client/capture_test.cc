@@ -280,6 +280,18 @@ TEST_F(ScanCaptureTest, RefusesMissingEmptyAndPhotolessFolders) {
                                      (dir_ / "low").string(), "?")));
 }
 
+TEST_F(ScanCaptureTest, FoldersOfARigAreAnsweredWithWhatToDo) {
+  for (const char* name : {"images/cam0/1.jpg", "images/cam1/1.jpg", "sparse/0/cameras.bin"}) {
+    Write(name, "x");
+  }
+  for (const fs::path& dir : {dir_, dir_ / "images"}) {
+    const absl::Status status = ScanCapture(dir.string(), "", "", "").status();
+    EXPECT_EQ(DetailOf(status).reason(), "NO_PHOTOS");
+    EXPECT_THAT(std::string(status.message()), HasSubstr((dir_ / "images/cam0").string()));
+    EXPECT_THAT(std::string(status.message()), HasSubstr("copy them to one folder as cam1_1.jpg"));
+  }
+}
+
 TEST_F(ScanCaptureTest, AnInterruptEndsTheReadingOfFiles) {
   Write("a.jpg", "x");
   auto capture = ScanCapture(dir_.string(), "", "", "");

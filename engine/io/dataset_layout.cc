@@ -8,7 +8,9 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
+#include "engine/io/file_util.h"
 
 namespace litags {
 namespace {
@@ -63,6 +65,13 @@ bool IsWorkFolder(const std::string& folder) {
   return name == "input" || name == "distorted" || name == "stereo" || name == "dense";
 }
 
+// Whether the folder says what kind of files are in it.
+bool IsPart(const std::string& folder, const std::string& photos) {
+  const std::string name = LastOf(folder);
+  return name == LastOf(photos) || name == "mask" || name == "masks" || name == "depth" ||
+         name == "depths";
+}
+
 // A file of cameras, or the folder of a COLMAP model.
 struct Source {
   std::string path;
@@ -92,6 +101,7 @@ int RankIn(const Source& source, const std::string& root) {
 
 DatasetLayout::DatasetLayout(const std::vector<DatasetFile>& files) {
   ChoosePhotos(files);
+  LookForRig(files);
   ChooseCameras(files);
 }
 
@@ -99,10 +109,11 @@ void DatasetLayout::ChoosePhotos(const std::vector<DatasetFile>& files) {
   std::map<std::string, std::pair<int, std::string>> largest;  // by the folder around them
   for (const DatasetFile& file : files) {
     if (file.kind != Kind::kPhoto) continue;
-    const std::optional<int> shrink = ShrinkOf(file.folder, "images");
-    if (!shrink) continue;
-    const std::pair found(*shrink, file.folder);
-    const auto [first, added] = largest.emplace(ParentOf(file.folder), found);
+    std::string folder = file.folder;
+    while (!folder.empty() && !ShrinkOf(folder, "images")) folder = ParentOf(folder);
+    if (folder.empty()) continue;
+    const std::pair found(*ShrinkOf(folder, "images"), folder);
+    const auto [first, added] = largest.emplace(ParentOf(folder), found);
     if (!added) first->second = std::min(first->second, found);
   }
   // Several captures side by side are none.
@@ -124,6 +135,29 @@ void DatasetLayout::ChoosePhotos(const std::vector<DatasetFile>& files) {
   }
 }
 
+void DatasetLayout::LookForRig(const std::vector<DatasetFile>& files) {
+  std::set<std::string> names;
+  for (const DatasetFile& file : files) {
+    if (photos_.empty() || file.kind != Kind::kPhoto) continue;
+    // Beside photos themselves, folders hold other things, as thumbnails.
+    if (!IsIn(file.folder, photos_) || file.folder == photos_) continue;
+    is_rig_ |= !names.insert(file.name).second;
+  }
+}
+
+std::string DatasetLayout::NameOf(const DatasetFile& file) const {
+  const bool is_photo = file.kind == Kind::kPhoto;
+  if (!is_photo && file.kind != Kind::kMask && file.kind != Kind::kDepth) return file.name;
+  const std::string root = is_photo ? photos_ : ParentOf(photos_);
+  if (!is_rig_ || !IsIn(file.folder, root)) return file.name;
+  std::string path;
+  for (const absl::string_view folder :
+       absl::StrSplit(absl::string_view(file.folder).substr(root.size()), '/', absl::SkipEmpty())) {
+    if (!IsPart(std::string(folder), photos_)) absl::StrAppend(&path, folder, "/");
+  }
+  return NamesInOneFolder(path + file.name).front();
+}
+
 void DatasetLayout::ChooseCameras(const std::vector<DatasetFile>& files) {
   std::map<std::string, Source> sources;
   std::set<std::string> photo_folders;
@@ -138,13 +172,17 @@ void DatasetLayout::ChooseCameras(const std::vector<DatasetFile>& files) {
   }
   sources_ = sources.size();
   if (sources.size() == 1) cameras_ = sources.begin()->first;
-  if (!photos_.empty()) photo_folders = {photos_};
-  if (sources.size() < 2 || photo_folders.size() != 1) return;
-  const std::string& photos = *photo_folders.begin();
+  std::vector<std::string> places;
+  if (!photos_.empty()) places = {ParentOf(photos_), photos_};
+  if (photo_folders.size() == 1) {
+    places.push_back(ParentOf(*photo_folders.begin()));
+    places.push_back(*photo_folders.begin());
+  }
+  if (sources.size() < 2) return;
   std::map<int, std::vector<Source>> by_rank;
   for (const auto& [path, source] : sources) {
-    int rank = RankIn(source, ParentOf(photos));
-    if (rank < 0) rank = RankIn(source, photos);
+    int rank = -1;
+    for (size_t i = 0; i < places.size() && rank < 0; ++i) rank = RankIn(source, places[i]);
     if (rank >= 0) by_rank[rank].push_back(source);
   }
   if (by_rank.empty()) return;

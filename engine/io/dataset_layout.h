@@ -16,7 +16,9 @@ struct DatasetFile {
     kPhoto,
     kCameras,  // a file of cameras: transforms.json
     kModel,    // of a COLMAP model: images.bin
-    kOther,    // masks, depth maps, what is not read
+    kMask,
+    kDepth,
+    kOther,  // what is not read
   };
   std::string folder;  // "garden/images"; empty: the top
   std::string name;
@@ -33,8 +35,12 @@ class DatasetLayout {
   explicit DatasetLayout(const std::vector<DatasetFile>& files);
 
   bool Uses(const DatasetFile& file) const;
+  // What a file is called among all of its kind: where photos in folders of `photos()` share a
+  // name, as those of a rig, theirs, their masks' and their depth maps' have these folders in
+  // front, joined by '_', as cameras find them: images/cam0/0001.png is "cam0_0001.png".
+  std::string NameOf(const DatasetFile& file) const;
 
-  // "garden/images", where the photos lie; empty: no folder has such a name.
+  // "garden/images", where the photos lie, or in folders of it; empty: no folder has such a name.
   const std::string& photos() const { return photos_; }
   // The file, or the folder of the model; nullopt: there is none, or the rules do not tell which.
   const std::optional<std::string>& cameras() const { return cameras_; }
@@ -44,10 +50,12 @@ class DatasetLayout {
 
  private:
   void ChoosePhotos(const std::vector<DatasetFile>& files);
+  void LookForRig(const std::vector<DatasetFile>& files);
   void ChooseCameras(const std::vector<DatasetFile>& files);
   bool IsInLeftOutFolder(const std::string& folder) const;
 
   std::string photos_;
+  bool is_rig_ = false;  // photos in folders of photos_ share names
   std::optional<std::string> cameras_;
   size_t sources_ = 0;                             // of cameras, outside of left out folders
   std::map<std::string, std::string> folders_;     // left out, with all that is in them: why

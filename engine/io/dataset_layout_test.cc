@@ -117,6 +117,46 @@ TEST(DatasetLayout, CamerasOfEqualRankAreAllLeftToTheUser) {
   }
 }
 
+// By the names that files get, masks and depth maps by their folders.
+std::vector<std::string> NamesOf(const std::vector<std::string>& paths) {
+  std::vector<DatasetFile> files;
+  for (const std::string& path : paths) {
+    DatasetFile& file = files.emplace_back(File(path));
+    if (path.find("masks/") != std::string::npos) file.kind = Kind::kMask;
+    if (path.find("depth/") != std::string::npos) file.kind = Kind::kDepth;
+  }
+  const DatasetLayout layout(files);
+  std::vector<std::string> names;
+  for (const DatasetFile& file : files) names.push_back(layout.NameOf(file));
+  return names;
+}
+
+TEST(DatasetLayout, FilesOfARigHaveTheirFoldersInTheirNames) {
+  EXPECT_THAT(NamesOf({"r/images/cam0/1.jpg", "r/images/cam1/1.jpg", "r/images/2.jpg",
+                       "r/masks/cam0/1.png", "r/images/cam1/masks/1.png", "r/depth/cam1/1.png",
+                       "r/sparse/0/images.bin", "1.jpg"}),
+              ElementsAre("cam0_1.jpg", "cam1_1.jpg", "2.jpg", "cam0_1.png", "cam1_1.png",
+                          "cam1_1.png", "images.bin", "1.jpg"));
+  EXPECT_THAT(NamesOf({"images/rig1/cam0/1.jpg", "images/rig1/cam1/1.jpg"}),
+              ElementsAre("rig1_cam0_1.jpg", "rig1_cam1_1.jpg"));
+  // Names that differ stay.
+  EXPECT_THAT(NamesOf({"images/cam0/1.jpg", "images/cam1/2.jpg", "masks/cam0/1.png"}),
+              ElementsAre("1.jpg", "2.jpg", "1.png"));
+  EXPECT_THAT(NamesOf({"images/1.jpg", "images/thumbnails/1.jpg"}), ElementsAre("1.jpg", "1.jpg"));
+  EXPECT_THAT(NamesOf({"a/images/1.jpg", "b/images/1.jpg"}), ElementsAre("1.jpg", "1.jpg"));
+}
+
+TEST(DatasetLayout, OfARigCopiesAreLeftOutAndCamerasFound) {
+  const Used used = Use({"images/cam0/1.jpg", "images/cam1/1.jpg", "images_2/cam0/1.jpg",
+                         "images_2/cam1/1.jpg", "transforms.json", "sparse/0/images.bin"});
+  EXPECT_THAT(used.paths,
+              ElementsAre("images/cam0/1.jpg", "images/cam1/1.jpg", "sparse/0/images.bin"));
+  EXPECT_EQ(used.photos, "images");
+  // The only folder of photos is a place, too.
+  EXPECT_EQ(Use({"images/room/1.jpg", "images/room/transforms.json", "old/images.bin"}).cameras,
+            "images/room/transforms.json");
+}
+
 TEST(DatasetLayout, CapturesSideBySideAreNoDataset) {
   const std::vector<std::string> paths = {"a/images/1.jpg", "b/images/1.jpg", "b/images_2/1.jpg"};
   EXPECT_EQ(Use(paths).paths, paths);

@@ -28,6 +28,8 @@ bool MayBelong(const std::string& mask, const MaskMatcher& photos) {
 DatasetFile FileOf(const ArchiveEntry& entry, const std::optional<FileRole>& role) {
   DatasetFile file{absl::StrJoin(entry.folders, "/"), entry.name};
   if (role == FileRole::kPhoto) file.kind = DatasetFile::Kind::kPhoto;
+  if (role == FileRole::kMask) file.kind = DatasetFile::Kind::kMask;
+  if (role == FileRole::kDepth) file.kind = DatasetFile::Kind::kDepth;
   if (role == FileRole::kCameras) file.kind = DatasetFile::Kind::kCameras;
   if (role == FileRole::kColmap) file.kind = DatasetFile::Kind::kModel;
   return file;
@@ -64,22 +66,25 @@ Unpacker::~Unpacker() { unlink(staging_path_.c_str()); }
 
 absl::StatusOr<bool> Unpacker::Begin(const ArchiveEntry& entry) {
   const std::optional<FileRole> role = RoleInArchive(entry);
-  if (!layout_.Uses(FileOf(entry, role))) return false;  // a note tells
+  const DatasetFile file = FileOf(entry, role);
+  if (!layout_.Uses(file)) return false;  // a note tells
   if (!role) {
     if (skipped_.size() < kMaxSkipped) skipped_.push_back(PathIn(entry));
     return false;
   }
-  file_ = {entry.name, *role, 0, "", 0, 0};
-  const absl::Status named = CheckName(entry.name, *role, FieldOf(*role, entry.name));
+  const std::string name = layout_.NameOf(file);
+  file_ = {name, *role, 0, "", 0, 0};
+  const absl::Status named = CheckName(name, *role, FieldOf(*role, name));
   if (!named.ok()) {
     LITAGS_RETURN_IF_ERROR(LeaveOut(named, PathIn(entry)));
     return false;
   }
-  const auto [first, added] = seen_.emplace(std::pair(*role, entry.name), PathIn(entry));
+  const auto [first, added] = seen_.emplace(std::pair(*role, name), PathIn(entry));
   if (!added) {
     return InvalidInput("ARCHIVE_NAME_TWICE", field_,
                         absl::StrCat(field_, ": ", first->second, " and ", PathIn(entry),
-                                     " have one name; pack one folder of photos only"));
+                                     " have one name; pack one folder of photos, or those of a "
+                                     "rig as images/cam0, images/cam1"));
   }
   sha_ = Sha256();
   out_ = std::ofstream(staging_path_, std::ios::binary | std::ios::trunc);

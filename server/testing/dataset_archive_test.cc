@@ -49,7 +49,7 @@ class DatasetArchive : public ApiTest {
     return files;
   }
 
-  grpc::Status Send(const std::vector<Files>& parts) {
+  grpc::Status Send(const std::vector<Files>& parts, bool same_job = false) {
     std::string tar;
     contents_.clear();
     for (const Files& files : parts) {
@@ -60,7 +60,7 @@ class DatasetArchive : public ApiTest {
         contents_[sha.HexDigest()] = path;
       }
     }
-    job_ = NewJob();
+    if (!same_job) job_ = NewJob();
     return client_.Upload(job_, {{"a.tar", tar + std::string(1024, '\0'), v1::FILE_ROLE_ARCHIVE}},
                           &response_);
   }
@@ -156,6 +156,30 @@ TEST_F(DatasetArchive, MasksAndDepthMapsMayLieInFolders) {
   EXPECT_THAT(StoredNames(),
               ElementsAre("0.png", "1.png", "2.png", "depth 0.pfm", "mask 0.png", "mask 1.png"));
   EXPECT_THAT(Skipped(), ElementsAre("r/depth/cam0/preview.jpg"));
+}
+
+TEST_F(DatasetArchive, FilesOfARigHaveTheirFoldersInTheirNames) {
+  const std::string mask = TestPng(64, 48, 7);
+  std::vector<Files> rig = {Photos("g/images/cam0", 64, 48),
+                            Photos("g/images/cam1", 64, 48),
+                            {{"g/masks/cam0/0.png", mask},
+                             {"g/masks/cam1/0.png", mask},
+                             {"g/images/cam1/9.png", "no photo"},
+                             {"g/masks/cam1/9.png", mask}},
+                            Model("g/sparse/0")};
+  for (const bool again : {false, true}) {  // it may come again, packed anew
+    if (again) rig.push_back({{"g/a.ini", "x"}});
+    const grpc::Status sent = Send(rig, /*same_job=*/again);
+    ASSERT_TRUE(sent.ok()) << sent.error_message();
+    EXPECT_THAT(StoredNames(),
+                ElementsAre("cam0_0.png", "cam0_1.png", "cam0_2.png", "cam1_0.png", "cam1_1.png",
+                            "cam1_2.png", "colmap cameras.bin", "colmap images.bin",
+                            "colmap points3D.bin", "mask cam0_0.png", "mask cam1_0.png"));
+    std::vector<std::string> skipped = Skipped();
+    skipped.resize(2);
+    EXPECT_THAT(skipped, ElementsAre(StartsWith("g/images/cam1/9.png ("),
+                                     "g/masks/cam1/9.png (its photo is left out)"));
+  }
 }
 
 TEST_F(DatasetArchive, WithCamerasThatNoRuleTellsApartIsRefused) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 #include <system_error>
 
 #include "absl/strings/ascii.h"
@@ -52,6 +53,20 @@ size_t PhotosIn(const std::string& dir) {
   return photos.ok() ? photos->size() : 0;
 }
 
+// What a photo may be called in one folder whose name one of another of these folders has, too:
+// "cam1_0004.jpg". Empty: no two have one name.
+std::string NameOfTwo(const std::string& dir, const std::vector<std::string>& folders) {
+  std::set<std::string> names;
+  for (const std::string& folder : folders) {
+    const auto photos = ListPhotos(absl::StrCat(dir, "/", folder), "dir");
+    if (!photos.ok()) continue;
+    for (const std::string& name : *photos) {
+      if (!names.insert(name).second) return absl::StrCat(folder, "_", name);
+    }
+  }
+  return "";
+}
+
 // Whether the run reads this file or folder by an option of its own.
 bool IsOtherInput(const ReconstructInput& input, const std::string& name) {
   std::error_code ignored;
@@ -91,10 +106,15 @@ absl::Status CheckHoldsPhotos(const std::string& dir) {
   if (photos.ok()) return photos;
   std::vector<std::string> folders = FoldersOfPhotos(dir);
   if (folders.empty()) return photos;
+  const std::string twice = NameOfTwo(dir, folders);
+  const std::string of_rig = twice.empty()
+                                 ? ""
+                                 : absl::StrCat(" Photos of a rig: copy them to one folder as ",
+                                                twice, "; their cameras are still found");
   for (std::string& folder : folders) folder = fs::path(dir) / folder;
-  return InvalidInput(
-      "NO_PHOTOS", "DIR",
-      absl::StrCat(dir, " holds no photos itself: did you mean ", Listed(std::move(folders)), "?"));
+  return InvalidInput("NO_PHOTOS", "DIR",
+                      absl::StrCat(dir, " holds no photos itself: did you mean ",
+                                   Listed(std::move(folders)), "?", of_rig));
 }
 
 std::vector<std::string> DescribeUnused(const ReconstructInput& input) {

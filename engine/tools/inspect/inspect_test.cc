@@ -213,6 +213,18 @@ TEST_F(Inspect, AFolderOfFoldersIsAnsweredWithThem) {
   EXPECT_THAT(text_, HasSubstr("reason NO_PHOTOS"));
 }
 
+TEST_F(Inspect, FoldersOfARigAreAnsweredWithWhatToDo) {
+  for (const char* name : {"rig/images/cam0", "rig/images/cam1"}) {
+    fs::create_directories(dir_ / name);
+    fs::copy(photos_ + "/p0.jpg", dir_ / (std::string(name) + "/p0.jpg"));
+  }
+  for (const char* name : {"rig", "rig/images"}) {
+    EXPECT_EQ(Run({dir_ / name}), 2);
+    EXPECT_THAT(text_, HasSubstr("did you mean " + dir_ / "rig/images/cam0"));
+    EXPECT_THAT(text_, HasSubstr("copy them to one folder as cam1_p0.jpg"));
+  }
+}
+
 TEST_F(Inspect, WhatIsNoFolderOfPhotosIsAnsweredWithWhatToGive) {
   Write("night.ZIP", "x");
   fs::create_directory(dir_ / "none");
