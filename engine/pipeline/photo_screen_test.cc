@@ -15,6 +15,7 @@
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/core/rng.h"
+#include "engine/io/dng.h"
 #include "engine/io/file_util.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/png_codes.h"
@@ -133,6 +134,22 @@ TEST(PhotoScreen, GreyPhotosAmongOthersAreNamed) {
       EXPECT_THAT(screen->notes[0], HasSubstr(RoomCapture::Name(i)));
     }
   }
+}
+
+TEST(PhotoScreen, AMapOfShadingThatIsNotAppliedIsNoted) {
+  const RoomCapture capture(4);
+  SensorFrame frame;
+  frame.width = kW;
+  frame.height = kH;
+  frame.has_gain_map = true;
+  for (int i = 0; i < kW * kH; ++i) {
+    frame.numbers.push_back(static_cast<uint16_t>(20000 + 500 * (i % kW)));
+  }
+  const std::string path = capture.Path("images/v001.png");
+  ASSERT_TRUE(WriteFileAtomically(path, EncodeDng(frame)).ok());
+  const auto screen = Screen(capture.Input("work"));
+  ASSERT_TRUE(screen.ok()) << screen.status();
+  EXPECT_THAT(screen->notes, ElementsAre(HasSubstr("GainMap) of 1 photo, such as v001.png, is")));
 }
 
 TEST(PhotoScreen, UnreadablePhotosAreLeftOutWhileEnoughRemain) {
