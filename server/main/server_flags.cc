@@ -1,5 +1,8 @@
 #include "server/main/server_flags.h"
 
+#include <pwd.h>
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 
@@ -10,9 +13,14 @@
 namespace litags {
 namespace {
 
+// Services may have no HOME. Empty for a user without a folder: --data is needed.
 std::string DefaultDataFolder() {
   const char* home = std::getenv("HOME");
-  return absl::StrCat(home && *home ? home : ".", "/.local/share/litags");
+  if (home == nullptr || *home == '\0') {
+    const passwd* user = getpwuid(getuid());
+    home = user == nullptr ? nullptr : user->pw_dir;
+  }
+  return home == nullptr || *home != '/' ? "" : absl::StrCat(home, "/.local/share/litags");
 }
 
 void AddAccessFlags(CLI::App* app, ServerOptions* server) {

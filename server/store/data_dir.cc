@@ -30,6 +30,10 @@ std::error_code LastError() { return {errno, std::generic_category()}; }
 }  // namespace
 
 absl::StatusOr<DataDir> DataDir::Open(const std::string& root) {
+  if (root.empty()) {
+    return MakeError(absl::StatusCode::kFailedPrecondition, "DATA_DIR_UNUSABLE", "data",
+                     "this user has no home folder; name a data folder with --data");
+  }
   std::error_code error;
   const fs::path absolute = fs::absolute(root, error).lexically_normal();
   DataDir dir{absolute.string()};

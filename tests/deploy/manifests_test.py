@@ -316,6 +316,15 @@ class Unit(unittest.TestCase):
     def test_a_worker_killed_for_memory_does_not_end_the_service(self):
         self.assertIn("OOMPolicy=continue", self.lines)
 
+    def test_every_setting_is_in_the_file(self):
+        # A flag here would beat the operator's line without a word.
+        for line in self.lines:
+            if line.startswith("ExecStart"):
+                self.assertLessEqual(set(re.findall(r"--[a-z-]+", line)), {"--config", "--check"})
+        for name in ("server.toml", "debian/server.toml"):
+            with open(os.path.join(DEPLOY, name)) as file:
+                self.assertIn('data = "/var/lib/litags"', file.read().splitlines())
+
     def test_threads_are_not_counted(self):
         # COLMAP makes two threads for each core: no number is right for every machine.
         self.assertFalse([line for line in self.lines if line.startswith("TasksMax=")])

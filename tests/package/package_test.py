@@ -63,7 +63,7 @@ class Package(unittest.TestCase):
     def test_the_unit_starts_the_packages_server_with_the_packages_settings(self):
         with open(self.path("usr/lib/systemd/system/litags-server.service")) as file:
             unit = file.read()
-        self.assertIn("ExecStart=/usr/bin/litags-server --config /etc/litags/server.toml ", unit)
+        self.assertIn("ExecStart=/usr/bin/litags-server --config /etc/litags/server.toml\n", unit)
         self.assertNotIn("/usr/local", unit)
         settings = run(self.path("usr/bin/litags-server"), "--config",
                        self.path("etc/litags/server.toml"), "--print-config")
