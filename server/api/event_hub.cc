@@ -4,6 +4,8 @@
 
 #include <chrono>
 
+#include "server/store/file_error.h"
+
 namespace litags {
 namespace {
 
@@ -43,7 +45,7 @@ void EventHub::Loop() {
   while (!stopping()) {
     const auto token = jobs_->WaitForChange(last, kStepSeconds);
     if (!token.ok()) {
-      spdlog::error("cannot look for events: {}", token.status().ToString());
+      spdlog::error("cannot look for events: {}", MessageWithReason(token.status()));
       std::this_thread::sleep_for(kPauseAfterError);
     } else if (*token != last) {
       last = *token;

@@ -82,7 +82,9 @@ grpc::Status ToGrpc(const absl::Status& status) {
   ErrorDetail detail =
       GetErrorDetail(status).value_or(ErrorDetail{absl::StatusCodeToString(status.code()), ""});
   detail.field = Utf8Prefix(detail.field, kMaxDetailBytes);
-  if (code == grpc::INTERNAL || code == grpc::UNKNOWN) spdlog::error("{}", status.ToString());
+  if (code == grpc::INTERNAL || code == grpc::UNKNOWN) {
+    spdlog::error("{} ({})", std::string(status.message()), detail.reason);
+  }
 
   v1::ErrorDetail proto_detail;
   proto_detail.set_reason(detail.reason);

@@ -2,6 +2,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include "server/store/file_error.h"
+
 namespace litags {
 
 Janitor::Janitor(Sweeper* sweeper, double interval_seconds)
@@ -15,7 +17,7 @@ Janitor::~Janitor() {
 void Janitor::Loop(double interval_seconds) {
   while (!stop_.IsCancelled()) {
     const absl::Status swept = sweeper_->Sweep(stop_).status();
-    if (!swept.ok()) spdlog::error("cannot tidy up: {}", swept.ToString());
+    if (!swept.ok()) spdlog::error("cannot tidy up: {}", MessageWithReason(swept));
     stop_.SleepFor(interval_seconds);
   }
 }

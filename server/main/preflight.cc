@@ -17,6 +17,7 @@
 #include "server/jobs/webhook.h"
 #include "server/main/serve_web.h"
 #include "server/store/data_dir.h"
+#include "server/store/file_error.h"
 #include "server/store/open_stores.h"
 #include "server/worker/hardening.h"
 
@@ -112,12 +113,6 @@ void ReportConfinement() {
 }
 
 }  // namespace
-
-std::string MessageWithReason(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  const std::string message(status.message());
-  return detail ? absl::StrCat(message, " (", detail->reason, ")") : message;
-}
 
 absl::Status CheckPrograms(const ServerFlags& flags, const std::string& worker_program) {
   if (flags.workers > 0 && access(worker_program.c_str(), X_OK) != 0) {

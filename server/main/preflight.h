@@ -8,9 +8,6 @@
 
 namespace litags {
 
-// What is wrong, for operators, whose page of errors is by reason: "... (DATA_DIR_IN_USE)".
-std::string MessageWithReason(const absl::Status& status);
-
 // Whether jobs could run, and be told of: the worker's program and settings, the depth network if
 // there is one, hosts and certificates of webhooks. FAILED_PRECONDITION (WORKER_NOT_FOUND,
 // DEPTH_MODEL_NOT_FOUND, TLS_FILE_UNREADABLE, TLS_FILE_INVALID), INVALID_ARGUMENT (OUT_OF_RANGE,

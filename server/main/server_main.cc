@@ -17,6 +17,7 @@
 #include "server/main/serve.h"
 #include "server/main/server_flags.h"
 #include "server/reader/read_files_main.h"
+#include "server/store/file_error.h"
 #include "server/store/open_stores.h"
 #include "server/worker/log.h"
 #include "server/worker/shutdown_signal.h"

@@ -64,4 +64,10 @@ bool HasReason(const absl::Status& status, std::string_view reason) {
   return detail && detail->reason == reason;
 }
 
+std::string MessageWithReason(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return absl::StrCat(std::string(status.message()), " (",
+                      detail ? detail->reason : absl::StatusCodeToString(status.code()), ")");
+}
+
 }  // namespace litags

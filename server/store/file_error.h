@@ -23,6 +23,10 @@ int CopyFile(const std::string& source, const std::string& target);
 // Whether an error has this reason ("FILE_GONE").
 bool HasReason(const absl::Status& status, std::string_view reason);
 
+// What is wrong, for operators, whose page of errors is by reason: "... (DATA_DIR_IN_USE)". The
+// code, if there is no reason.
+std::string MessageWithReason(const absl::Status& status);
+
 }  // namespace litags
 
 #endif  // LITAGS_SERVER_STORE_FILE_ERROR_H_

@@ -10,6 +10,7 @@
 #include "engine/core/error.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/state_machine.h"
+#include "server/store/file_error.h"
 
 namespace litags {
 namespace {
@@ -77,7 +78,7 @@ WebhookSender::~WebhookSender() {
 void WebhookSender::Loop() {
   while (!stop_.IsCancelled()) {
     const auto sent = SendDue();
-    if (!sent.ok()) spdlog::warn("webhooks wait: {}", sent.status().ToString());
+    if (!sent.ok()) spdlog::warn("webhooks wait: {}", MessageWithReason(sent.status()));
     if (sent.ok() && *sent > 0) continue;
     stop_.SleepFor(kSecondsBetweenLooks);
   }
@@ -135,7 +136,7 @@ absl::StatusOr<bool> WebhookSender::SendOne(const std::string& id) {
                      return absl::OkStatus();
                    })
           .status());
-  spdlog::info("job={} webhook {}", id, status.ok() ? "delivered" : status.ToString());
+  spdlog::info("job={} webhook {}", id, status.ok() ? "delivered" : MessageWithReason(status));
   return true;
 }
 

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/jobs/codec.h"
+#include "server/store/file_error.h"
 #include "server/worker/memory.h"
 
 namespace litags {
@@ -81,7 +82,8 @@ void JobMonitor::Check() {
   if (!cancel.ok()) {
     // The store may come back; if it does not, the lease runs out and the next call says so.
     if (!store_is_away_) {
-      spdlog::warn("job={} cannot renew the lease: {}", lease_.job.id, cancel.status().ToString());
+      spdlog::warn("job={} cannot renew the lease: {}", lease_.job.id,
+                   MessageWithReason(cancel.status()));
     }
     store_is_away_ = true;
     return;
@@ -127,7 +129,7 @@ void JobMonitor::GiveUpIfStuck() {
   if (stop_reason_ == StopReason::kCancelled) status = context_.leases->Stopped(lease_);
   if (stop_reason_ == StopReason::kLimit) status = context_.leases->Fail(lease_, limit_exceeded_);
   if (stop_reason_ == StopReason::kShutdown) status = context_.leases->GiveBack(lease_, ran_ms());
-  if (!status.ok()) spdlog::error("job={} {}", lease_.job.id, status.ToString());
+  if (!status.ok()) spdlog::error("job={} {}", lease_.job.id, MessageWithReason(status));
   options_.give_up();
 }
 

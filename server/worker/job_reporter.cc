@@ -245,7 +245,7 @@ absl::Status JobReporter::KeepFiles() {
 
 void JobReporter::NoteFailure(const char* what, const absl::Status& status) {
   if (!absl::IsAborted(status)) {
-    spdlog::warn("job={} cannot {}: {}", lease_.job.id, what, status.ToString());
+    spdlog::warn("job={} cannot {}: {}", lease_.job.id, what, MessageWithReason(status));
     return;
   }
   lease_lost_ = true;

@@ -116,9 +116,9 @@ absl::Status GiveBackUnbegun(const Lease& lease, const WorkerContext& context,
   const std::string why =
       absl::StrCat("worker ", options.name, " cannot begin jobs now: ", TroubleInWords(error),
                    "; the job waits for a worker that can");
-  spdlog::warn("job={} given back: {}", lease.job.id, error.ToString());
+  spdlog::warn("job={} given back: {}", lease.job.id, MessageWithReason(error));
   const absl::Status status = context.leases->GiveBack(lease, 0, why);
-  if (!status.ok()) spdlog::error("job={} {}", lease.job.id, status.ToString());
+  if (!status.ok()) spdlog::error("job={} {}", lease.job.id, MessageWithReason(status));
   return error;
 }
 
@@ -137,7 +137,7 @@ absl::Status WriteEnd(const Lease& lease, const WorkerContext& context, const Ca
         write([&] { return leases.Succeed(lease, *report, folder->kept()); });
     if (ended.ok()) folder->RemoveReplaced();
     if (!HasReason(ended, "SCENE_MISSING")) return ended;
-    spdlog::error("job={} failed: {}", id, ended.ToString());
+    spdlog::error("job={} failed: {}", id, MessageWithReason(ended));
     return write([&] { return leases.Fail(lease, ended); });
   }
   if (absl::IsCancelled(report.status()) && stop == JobMonitor::StopReason::kCancelled) {
@@ -149,10 +149,10 @@ absl::Status WriteEnd(const Lease& lease, const WorkerContext& context, const Ca
     return leases.GiveBack(lease, monitor.ran_ms());
   }
   if (absl::IsCancelled(report.status()) && stop == JobMonitor::StopReason::kLimit) {
-    spdlog::warn("job={} stopped: {}", id, monitor.limit_exceeded().ToString());
+    spdlog::warn("job={} stopped: {}", id, MessageWithReason(monitor.limit_exceeded()));
     return write([&] { return leases.Fail(lease, monitor.limit_exceeded()); });
   }
-  spdlog::warn("job={} failed: {}", id, report.status().ToString());
+  spdlog::warn("job={} failed: {}", id, MessageWithReason(report.status()));
   return write([&] { return leases.Fail(lease, report.status()); });
 }
 
@@ -179,7 +179,8 @@ absl::Status RunJob(const Lease& lease, const WorkerContext& context, const Work
     return GiveBackUnbegun(lease, context, options, outcome.report.status());
   }
   if (!outcome.kept.ok()) {
-    spdlog::warn("job={} not all of its files could be kept: {}", id, outcome.kept.ToString());
+    spdlog::warn("job={} not all of its files could be kept: {}", id,
+                 MessageWithReason(outcome.kept));
     // There is no success without the scene.
     if (outcome.report.ok()) {
       outcome.report = stop == JobMonitor::StopReason::kNone ? outcome.kept : cancel.Check();

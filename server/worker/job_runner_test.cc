@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <atomic>
@@ -11,6 +13,7 @@
 #include <fstream>
 #include <functional>
 #include <optional>
+#include <sstream>
 #include <thread>
 
 #include "engine/core/error_test_util.h"
@@ -36,7 +39,14 @@ absl::Status NoFault(std::string_view) { return absl::OkStatus(); }
 
 class JobRunnerTest : public ::testing::Test {
  protected:
-  JobRunnerTest() { options_.name = "w1"; }
+  JobRunnerTest() {
+    options_.name = "w1";
+    spdlog::default_logger()->sinks().push_back(log_sink_);
+  }
+  ~JobRunnerTest() override {
+    spdlog::default_logger()->sinks().pop_back();
+    EXPECT_EQ(log_.str().find("error-detail"), std::string::npos) << log_.str();
+  }
 
   std::string QueuedJob(const char* first_photo = "a.jpg", const JobPolicy& policy = {}) {
     NewJob wanted;
@@ -75,6 +85,8 @@ class JobRunnerTest : public ::testing::Test {
   std::unique_ptr<Engine> engine_ = MakeFakeEngine();
   WorkerContext context_{store_.get(), &blobs_, &leases_, engine_.get(), data_};
   WorkerOptions options_;
+  std::ostringstream log_;
+  const spdlog::sink_ptr log_sink_ = std::make_shared<spdlog::sinks::ostream_sink_mt>(log_);
 };
 
 TEST_F(JobRunnerTest, WorkerThatTheBlobStoreRefusesGivesTheJobBack) {
@@ -82,6 +94,7 @@ TEST_F(JobRunnerTest, WorkerThatTheBlobStoreRefusesGivesTheJobBack) {
   blobs_.on_read = Denied;
   EXPECT_EQ(Reason(Run()), "BLOBS_DENIED");
   ExpectGivenBack(id, "the blob store refuses its key");
+  EXPECT_THAT(log_.str(), testing::HasSubstr("given back: expired (BLOBS_DENIED)"));
   blobs_.on_read = NoFault;
   EXPECT_TRUE(Run().ok());
   EXPECT_EQ(jobs_.Get(id)->state, JobState::kSucceeded);

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/subprocess.h"
 #include "server/store/digest.h"
+#include "server/store/file_error.h"
 #include "server/worker/hardening.h"
 
 namespace litags {
@@ -84,7 +85,7 @@ void Supervisor::KeepRunning(int index) {
     const absl::Status status =
         stop_.IsCancelled() ? leases_->WorkerStopped(name) : leases_->WorkerDied(name, why);
     if (!status.ok()) {
-      spdlog::error("cannot take back the job of {}: {}", name, status.ToString());
+      spdlog::error("cannot take back the job of {}: {}", name, MessageWithReason(status));
     }
     if (stop_.IsCancelled()) return;
 

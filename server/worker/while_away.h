@@ -6,6 +6,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
+#include "server/store/file_error.h"
 
 namespace litags {
 
@@ -25,7 +26,7 @@ auto WhileAway(const CancelToken& stop, Call call, bool (*is_away)(const absl::S
   for (bool logged = false;; logged = true) {
     auto result = call();
     if (!is_away(StatusOf(result))) return result;
-    if (!logged) spdlog::warn("waiting for the store: {}", StatusOf(result).ToString());
+    if (!logged) spdlog::warn("waiting for the store: {}", MessageWithReason(StatusOf(result)));
     stop.SleepFor(kPauseSeconds);
     if (stop.IsCancelled()) return call();
   }

@@ -50,7 +50,7 @@ absl::Status WorkFolder::Fetch(const CancelToken& cancel) {
     fs::remove(path, error);  // of an interrupted call
     const absl::Status fetched = blobs_->Fetch(BlobKey(lease_.job.id, file.blob), path);
     if (absl::IsNotFound(fetched) || absl::IsDataLoss(fetched)) {
-      spdlog::warn("job={} {} cannot be used: {}", lease_.job.id, name, fetched.ToString());
+      spdlog::warn("job={} {} cannot be used: {}", lease_.job.id, name, MessageWithReason(fetched));
     } else if (!fetched.ok()) {
       return fetched;
     }
@@ -106,7 +106,7 @@ void WorkFolder::RemoveReplaced() {
     if (used) continue;
     // What stays is removed when the job has ended.
     const absl::Status status = blobs_->Remove(BlobKey(lease_.job.id, blob));
-    if (!status.ok()) spdlog::warn("job={} {}", lease_.job.id, status.ToString());
+    if (!status.ok()) spdlog::warn("job={} {}", lease_.job.id, MessageWithReason(status));
   }
   replaced_.clear();
 }

@@ -12,6 +12,7 @@
 #include "engine/core/machine_memory.h"
 #include "proto/arguments/arguments.h"
 #include "server/store/digest.h"
+#include "server/store/file_error.h"
 #include "server/store/open_stores.h"
 #include "server/worker/hardening.h"
 #include "server/worker/log.h"
@@ -47,7 +48,7 @@ void Rest(const absl::Status& error, const WorkerContext& context, const WorkerO
     *pause = std::min(2 * *pause, options.max_rest_seconds);
     const absl::Status status = CheckWorkerAfter(error, context);
     well = status.ok();
-    if (!well) spdlog::warn("takes no jobs: {}", status.ToString());
+    if (!well) spdlog::warn("takes no jobs: {}", MessageWithReason(status));
   }
 }
 
@@ -145,7 +146,9 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
   while (!shutdown.IsCancelled()) {
     const auto lease = context.leases->Acquire(options.name, options.has);
     if (!lease.ok()) {
-      if (!store_is_away) spdlog::error("cannot look for work: {}", lease.status().ToString());
+      if (!store_is_away) {
+        spdlog::error("cannot look for work: {}", MessageWithReason(lease.status()));
+      }
       store_is_away = true;
       shutdown.SleepFor(options.poll_seconds);
       continue;
@@ -158,7 +161,7 @@ void RunWorker(const WorkerContext& context, const WorkerOptions& options,
         pause = options.min_rest_seconds;
         continue;
       }
-      spdlog::error("job={} {}", (*lease)->job.id, status.ToString());
+      spdlog::error("job={} {}", (*lease)->job.id, MessageWithReason(status));
       Rest(status, context, options, shutdown, &pause);
     } else {
       WaitForWork(context.store, options, shutdown, &seen);
@@ -179,7 +182,7 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   valid.Update(flags.places.Validate());
   valid.Update(CheckLabels(options.has.labels, "--labels"));
   if (!valid.ok()) {
-    spdlog::error("{}", valid.ToString());
+    spdlog::error("{}", MessageWithReason(valid));
     return 2;
   }
   options.keep_seconds = flags.places.BlobsAreFar() ? flags.keep_seconds : 0;
@@ -190,7 +193,7 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
 
   absl::StatusOr<DepthNetwork> network = DepthNetwork::Parse(flags.depth_model, "--depth-model");
   if (!network.ok()) {
-    spdlog::error("{}", network.status().ToString());
+    spdlog::error("{}", MessageWithReason(network.status()));
     return 2;
   }
   options.depth_network = *std::move(network);
@@ -204,7 +207,7 @@ int WorkerMain(int argc, char** argv, EngineFactory make_engine) {
   if (status.ok()) ScratchFolder::RemoveAbandoned(data->scratch());
   if (status.ok()) status = OpenAndRun(*data, flags.places, options, engine.get(), signal.token());
   if (!status.ok()) {
-    spdlog::error("{}", status.ToString());
+    spdlog::error("{}", MessageWithReason(status));
     return 1;
   }
   spdlog::info("bye");
