@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 #include "server/store/file_error.h"
 #include "server/store/postgres.h"
@@ -45,22 +46,35 @@ absl::StatusOr<std::string> PathOf(const std::string& url, std::string_view sche
                                    "/path, with three slashes"));
 }
 
-// The value of a parameter of a libpq URL; INVALID_ARGUMENT without the URL, which holds secrets.
-absl::StatusOr<std::string> PostgresHost(const std::string& url) {
+struct FreeOptions {
+  void operator()(PQconninfoOption* options) const { PQconninfoFree(options); }
+};
+using PgOptions = std::unique_ptr<PQconninfoOption, FreeOptions>;
+
+// INVALID_ARGUMENT without the URL, which holds secrets.
+absl::StatusOr<PgOptions> OptionsIn(const std::string& url) {
   char* error = nullptr;
-  PQconninfoOption* const options = PQconninfoParse(url.c_str(), &error);
+  PgOptions options(PQconninfoParse(url.c_str(), &error));
   PQfreemem(error);
-  if (!options) {
-    return InvalidInput("STORE_URL_INVALID", "store",
-                        "the PostgreSQL URL cannot be read; write "
-                        "postgresql://user@host:5432/database");
+  if (options) return options;
+  return InvalidInput("STORE_URL_INVALID", "store",
+                      "the PostgreSQL URL cannot be read; write "
+                      "postgresql://user@host:5432/database");
+}
+
+std::string ValueOf(const PQconninfoOption* option, std::string_view keyword) {
+  for (; option && option->keyword; ++option) {
+    if (option->keyword == keyword) return option->val ? option->val : "";
   }
-  std::string host;
-  for (const PQconninfoOption* option = options; option->keyword; ++option) {
-    if (std::string_view(option->keyword) == "host" && option->val) host = option->val;
-  }
-  PQconninfoFree(options);
-  return host;
+  return "";
+}
+
+// Whether a list of libpq's hosts names anything but folders of Unix sockets.
+bool NamesAMachine(const std::string& hosts) {
+  const std::vector<std::string> names = absl::StrSplit(hosts, ',');
+  return std::any_of(names.begin(), names.end(), [](const std::string& name) {
+    return !name.empty() && name[0] != '/' && name[0] != '@';
+  });
 }
 
 absl::StatusOr<S3Options> S3OptionsOf(const StorePlaces& places) {
@@ -130,7 +144,7 @@ absl::Status StorePlaces::Validate() const {
   if (jobs.starts_with(kSqlite)) {
     LITAGS_RETURN_IF_ERROR(PathOf(jobs, kSqlite, "store").status());
   } else if (IsPostgres(jobs)) {
-    LITAGS_RETURN_IF_ERROR(PostgresHost(jobs).status());
+    LITAGS_RETURN_IF_ERROR(OptionsIn(jobs).status());
   } else if (!jobs.empty()) {
     return InvalidInput("STORE_URL_INVALID", "store",
                         "the job store is neither sqlite:///path nor postgresql://...");
@@ -168,8 +182,14 @@ std::vector<StorePlaces::Folder> StorePlaces::LocalFolders(const DataDir& data) 
 bool StorePlaces::NeedNetwork() const {
   if (BlobsAreFar()) return true;
   if (!IsPostgres(jobs)) return false;
-  const auto host = PostgresHost(jobs);
-  return !host.ok() || (!host->empty() && !host->starts_with('/'));
+  const auto given = OptionsIn(jobs);
+  if (!given.ok()) return true;
+  const PgOptions defaults(PQconndefaults());  // of the environment and its service
+  const auto value = [&](std::string_view keyword) {
+    const std::string in_url = ValueOf(given->get(), keyword);
+    return in_url.empty() ? ValueOf(defaults.get(), keyword) : in_url;
+  };
+  return NamesAMachine(value("host")) || !value("hostaddr").empty() || !value("service").empty();
 }
 
 std::vector<std::string> StorePlaces::Environment() const {

@@ -51,6 +51,19 @@ TEST(OpenStores, NetworkIsNeededForServersThatAreNotReachedBySocketFiles) {
   EXPECT_TRUE((StorePlaces{"postgresql://db/x", "", ""}.NeedNetwork()));
   EXPECT_TRUE((StorePlaces{"postgresql://127.0.0.1/x", "", ""}.NeedNetwork()));
   EXPECT_TRUE((StorePlaces{"", "s3://bucket", ""}.NeedNetwork()));
+  EXPECT_TRUE((StorePlaces{"postgresql:///x?host=/run/postgresql,db", "", ""}.NeedNetwork()));
+  EXPECT_TRUE((StorePlaces{"postgresql:///x?hostaddr=192.0.2.1", "", ""}.NeedNetwork()));
+  EXPECT_TRUE((StorePlaces{"postgresql:///x?service=fleet", "", ""}.NeedNetwork()));
+  const StorePlaces unnamed{"postgresql:///x", "", ""};
+  EXPECT_FALSE(unnamed.NeedNetwork());
+  for (const char* variable : {"PGHOST", "PGHOSTADDR", "PGSERVICE"}) {
+    setenv(variable, "192.0.2.1", 1);
+    EXPECT_TRUE(unnamed.NeedNetwork()) << variable;
+    unsetenv(variable);
+  }
+  setenv("PGHOST", "/run/postgresql", 1);
+  EXPECT_FALSE(unnamed.NeedNetwork());
+  unsetenv("PGHOST");
 }
 
 TEST(OpenStores, OtherProcessesGetTheSecretsOfTheStoresInUseOnly) {
