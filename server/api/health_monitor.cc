@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/store/file_error.h"
 
 namespace litags {
 namespace {
@@ -35,6 +36,7 @@ absl::Status CheckFolder(const StorePlaces::Folder& folder) {
 
 absl::Status CheckStoreHealth(Jobs* jobs, const LocalFolders& folders) {
   LITAGS_RETURN_IF_ERROR(jobs->List(0, "", 1).status());
+  LITAGS_RETURN_IF_ERROR(jobs->CheckWritable());
   for (const StorePlaces::Folder& folder : folders) LITAGS_RETURN_IF_ERROR(CheckFolder(folder));
   return absl::OkStatus();
 }
@@ -67,7 +69,7 @@ void HealthMonitor::Look() {
     if (now.store) {
       spdlog::info("health: the store is well again");
     } else {
-      spdlog::error("health: the store fails: {}", store.ToString());
+      spdlog::error("health: the store fails: {}", MessageWithReason(store));
     }
   }
   if (now.workers != last_.workers) {

@@ -15,7 +15,7 @@ namespace litags {
 
 using LocalFolders = std::vector<StorePlaces::Folder>;
 
-// OK if jobs can be read, and the folders can take more. The store's own errors;
+// OK if jobs can be read and changed, and the folders can take more. The store's own errors;
 // RESOURCE_EXHAUSTED (DISK_FULL), FAILED_PRECONDITION (STORE_READ_ONLY).
 absl::Status CheckStoreHealth(Jobs* jobs, const LocalFolders& folders);
 

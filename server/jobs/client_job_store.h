@@ -57,6 +57,7 @@ class ClientJobStore : public ClientStore {
   }
   // Of all clients: whoever reads it must show no client another's.
   absl::StatusOr<JobQueue> Queue() override { return store_->Queue(); }
+  absl::Status CheckWritable() override { return store_->CheckWritable(); }
   int64_t NowMs() override { return store_->NowMs(); }
   int64_t ReachableSinceMs() override { return store_->ReachableSinceMs(); }
 

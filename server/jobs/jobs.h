@@ -86,6 +86,7 @@ class Jobs {
                                               ListOrder order = ListOrder::kNewestFirst) {
     return store_->List(after_time_ms, after_id, limit, std::nullopt, order);
   }
+  absl::Status CheckWritable() { return store_->CheckWritable(); }
   absl::StatusOr<std::vector<FileRecord>> Files(std::string_view id) { return store_->Files(id); }
   // Of all clients: see QueuePositions().
   absl::StatusOr<JobQueue> Queue() { return store_->Queue(); }

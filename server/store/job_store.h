@@ -211,7 +211,7 @@ class JobTransaction {
 
 // What can be waited for.
 enum class ChangeTopic {
-  kJobs,   // any change of any job
+  kJobs,   // an event or a log's entry of any job, or its removal
   kQueue,  // a job that waits for a worker
 };
 
@@ -286,6 +286,9 @@ class ClientStore {
   // differ without. A change is seen a moment after it was made. -1 is never returned.
   virtual absl::StatusOr<int64_t> WaitForChange(ChangeTopic topic, int64_t seen,
                                                 double seconds) = 0;
+
+  // OK if changes can be made: a database may take none and still be read.
+  virtual absl::Status CheckWritable() { return absl::OkStatus(); }
 
   // Milliseconds since 1970 by the clock that all users of the store share; leases are timed by it.
   virtual int64_t NowMs() = 0;

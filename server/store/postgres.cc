@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <limits>
 #include <string_view>
 
 #include "absl/strings/ascii.h"
@@ -16,16 +17,17 @@ namespace {
 
 constexpr int kOldestServer = 130000;  // pg_xact_status(xid8)
 // The server ends a statement itself before the connection is given up.
-constexpr int64_t kCallTimeoutMs = 12000;
+constexpr int64_t kPatienceMs = kStatementTimeoutMs + 2000;
 constexpr char kSessionSettings[] =
-    "SET statement_timeout = 10000; SET lock_timeout = 8000; "
     // A transaction whose client is gone, or was cut off, holds its job no longer than this.
     "SET idle_in_transaction_session_timeout = 15000; "
     "SET tcp_keepalives_idle = 5; SET tcp_keepalives_interval = 5; SET tcp_keepalives_count = 2; "
     "SET default_transaction_isolation = 'read committed'; "
     // An OK answer is on disk. Stronger settings are the operator's choice.
     "SELECT set_config('synchronous_commit', 'on', false) "
-    "WHERE current_setting('synchronous_commit') = 'off'";
+    "WHERE current_setting('synchronous_commit') = 'off'; "
+    // Connections are kept; of version 14 and later.
+    "SELECT set_config(name, '0', false) FROM pg_settings WHERE name = 'idle_session_timeout'";
 
 // In the catalogue of PostgreSQL, pg_type.dat; fixed for ever.
 constexpr Oid kInt8 = 20, kText = 25;
@@ -114,11 +116,13 @@ absl::Status StoreUnavailable(const std::string& why) {
 
 absl::StatusOr<std::unique_ptr<PgConnection>> PgConnection::Open(const std::string& url) {
   // What the URL says comes later, and wins.
-  const char* const keywords[] = {"connect_timeout",  "keepalives_idle",  "keepalives_interval",
-                                  "keepalives_count", "tcp_user_timeout", "application_name",
-                                  "client_encoding",  "dbname",           nullptr};
-  const char* const values[] = {"5",      "5",    "5",         "2",    "10000",
-                                "litags", "UTF8", url.c_str(), nullptr};
+  constexpr int kOptions = 10;
+  const char* const keywords[kOptions] = {
+      "connect_timeout",  "keepalives_idle",  "keepalives_interval",
+      "keepalives_count", "tcp_user_timeout", "target_session_attrs",
+      "application_name", "client_encoding",  "dbname"};
+  const char* const values[kOptions] = {"5",          "5",      "5",    "2",        "10000",
+                                        "read-write", "litags", "UTF8", url.c_str()};
   std::unique_ptr<PgConnection> connection(
       new PgConnection(PQconnectdbParams(keywords, values, /*expand_dbname=*/1)));
   PGconn* const pg = connection->connection_;
@@ -144,11 +148,23 @@ absl::StatusOr<std::unique_ptr<PgConnection>> PgConnection::Open(const std::stri
   return connection;
 }
 
+PgConnection::PgConnection(PGconn* connection)
+    : connection_(connection), patience_ms_(kPatienceMs) {}
+
 PgConnection::~PgConnection() { PQfinish(connection_); }
 
 absl::Status PgConnection::SetUp() {
-  LITAGS_RETURN_IF_ERROR(Execute(kSessionSettings));
+  LITAGS_RETURN_IF_ERROR(Execute(absl::StrCat("SET lock_timeout = ", kLockTimeoutMs,
+                                              "; SET statement_timeout = ", kStatementTimeoutMs,
+                                              "; ", kSessionSettings)));
   return ReadClock();
+}
+
+absl::Status PgConnection::SetStatementTimeout(int ms) {
+  LITAGS_RETURN_IF_ERROR(Execute(absl::StrCat("SET statement_timeout = ", ms)));
+  // A server that is gone is found out by its silence below TCP.
+  patience_ms_ = ms == 0 ? std::numeric_limits<int>::max() : ms + 2000;
+  return absl::OkStatus();
 }
 
 absl::Status PgConnection::ReadClock() {
@@ -231,7 +247,7 @@ absl::StatusOr<PgConnection::Result> PgConnection::RunPrepared(
 absl::StatusOr<PgConnection::Result> PgConnection::Await(bool sent, Result* first) {
   can_retry_ = false;
   if (!sent) return Lost(Trimmed(PQerrorMessage(connection_)));
-  const int64_t deadline_ms = MonotonicMs() + kCallTimeoutMs;
+  const int64_t deadline_ms = MonotonicMs() + patience_ms_;
   Result last;
   absl::Status error;
   for (bool is_first = true;; is_first = false) {

@@ -19,6 +19,9 @@ namespace litags {
 // Names that NOTIFY and LISTEN use.
 const char* ChannelOf(ChangeTopic topic);
 
+// Of a statement and of a lock, at the server.
+inline constexpr int kStatementTimeoutMs = 10000, kLockTimeoutMs = 8000;
+
 // One connection. No call takes longer than some seconds, also when the network swallows packets:
 // a connection that does not answer counts as lost. Not thread-safe.
 class PgConnection : public SqlSession {
@@ -42,6 +45,9 @@ class PgConnection : public SqlSession {
   absl::Status Rollback();
   const std::string& transaction_id() const { return transaction_id_; }
 
+  // How long a statement may take from now on; 0: any time, while the server is there.
+  absl::Status SetStatementTimeout(int ms);
+
   // Nothing can be done with it any more.
   bool lost() const;
   // The last error rolled the transaction back through no fault of its own: serialization,
@@ -64,7 +70,7 @@ class PgConnection : public SqlSession {
   };
   using Result = std::unique_ptr<PGresult, Clear>;
 
-  explicit PgConnection(PGconn* connection) : connection_(connection) {}
+  explicit PgConnection(PGconn* connection);
   absl::Status SetUp();
   absl::StatusOr<Result> RunPrepared(const std::string& sql, const std::vector<Oid>& types,
                                      const std::vector<std::string>& values);
@@ -77,6 +83,7 @@ class PgConnection : public SqlSession {
 
   PGconn* const connection_;
   std::unordered_map<std::string, std::string> prepared_;  // name by text
+  int64_t patience_ms_;                                    // of a call
   bool gave_up_ = false;
   bool can_retry_ = false;
   bool announce_jobs_ = false, announce_queue_ = false;

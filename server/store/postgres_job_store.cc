@@ -35,6 +35,10 @@ class PostgresJobStore : public SqlJobStore {
   absl::StatusOr<int64_t> WaitForChange(ChangeTopic topic, int64_t seen, double seconds) override {
     return ListenerOf(topic).Wait(seen, seconds);
   }
+  absl::Status CheckWritable() override {
+    // Refused by a session that only reads, whose connection is lost for it.
+    return Read([](SqlSession& sql) { return sql.Execute("DELETE FROM workers WHERE false"); });
+  }
   int64_t NowMs() override { return pool_.NowMs(); }
   int64_t ReachableSinceMs() override { return pool_.ReachableSinceMs(); }
 

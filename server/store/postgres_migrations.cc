@@ -26,7 +26,10 @@ absl::Status SetVersion(SqlSession& sql, int64_t version) {
 
 absl::StatusOr<bool> StepInTransaction(PgConnection* connection, int64_t last) {
   // Any number will do that nobody else in the database uses: "litags" as letters of a phone.
-  LITAGS_RETURN_IF_ERROR(connection->Execute("SELECT pg_advisory_xact_lock(548247)"));
+  LITAGS_RETURN_IF_ERROR(connection->Execute(
+      absl::StrCat("SET LOCAL lock_timeout = 0; SELECT pg_advisory_xact_lock(548247); "
+                   "SET LOCAL lock_timeout = ",
+                   kLockTimeoutMs)));
   LITAGS_ASSIGN_OR_RETURN(const bool stepped,
                           MigrateOneStep(*connection, kSteps, {Version, SetVersion}, last));
   if (stepped) LITAGS_RETURN_IF_ERROR(connection->Commit());
@@ -41,13 +44,15 @@ absl::Status CheckPostgresVersion(PgConnection* connection) {
 }
 
 absl::Status MigratePostgres(PgConnection* connection, int64_t last) {
+  LITAGS_RETURN_IF_ERROR(connection->SetStatementTimeout(0));
   for (;;) {
     LITAGS_RETURN_IF_ERROR(connection->Begin());
     const auto stepped = StepInTransaction(connection, last);
     if (!stepped.ok() || !*stepped) connection->Rollback().IgnoreError();
     LITAGS_RETURN_IF_ERROR(stepped.status());
-    if (!*stepped) return absl::OkStatus();
+    if (!*stepped) break;
   }
+  return connection->SetStatementTimeout(kStatementTimeoutMs);
 }
 
 }  // namespace litags

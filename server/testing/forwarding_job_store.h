@@ -89,6 +89,7 @@ class ForwardingJobStore : public JobStore {
     return store_.WaitForChange(topic, seen, seconds);
   }
   absl::StatusOr<std::string> InstallationId() override { return store_.InstallationId(); }
+  absl::Status CheckWritable() override { return store_.CheckWritable(); }
   int64_t NowMs() override { return store_.NowMs(); }
   int64_t ReachableSinceMs() override { return store_.ReachableSinceMs(); }
 

@@ -27,7 +27,11 @@ class FailingStore : public ForwardingJobStore {
     return ForwardingJobStore::List(after_time_ms, after_id, limit, owner, order);
   }
 
-  std::atomic<bool> fails{false};
+  absl::Status CheckWritable() override {
+    return only_reads ? absl::UnavailableError("it only reads") : absl::OkStatus();
+  }
+
+  std::atomic<bool> fails{false}, only_reads{false};
 };
 
 class NotedServer : public Server {
@@ -85,6 +89,13 @@ TEST_F(HealthTest, FollowsTheStoreAndTheWorkers) {
   workers_fail_ = false;
   WaitForALook();
   EXPECT_TRUE(server_.store && server_.workers);
+}
+
+TEST_F(HealthTest, StoreThatOnlyReadsIsNotWell) {
+  store_.only_reads = true;
+  EXPECT_FALSE(CheckStoreHealth(&jobs_, folders_).ok());
+  store_.only_reads = false;
+  EXPECT_TRUE(CheckStoreHealth(&jobs_, folders_).ok());
 }
 
 TEST_F(HealthTest, StoreWhoseFolderIsGoneIsNotWell) {

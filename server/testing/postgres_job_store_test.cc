@@ -5,10 +5,12 @@
 
 #include <chrono>
 #include <thread>
+#include <utility>
 
 #include "server/jobs/leases.h"
 #include "server/store/postgres.h"
 #include "server/store/postgres_listener.h"
+#include "server/store/postgres_migrations.h"
 #include "server/testing/cutting_proxy.h"
 #include "server/testing/eventually.h"
 #include "server/testing/job_store_kind.h"
@@ -95,6 +97,53 @@ TEST_F(PostgresJobStoreTest, RestartBetweenTwoCallsIsNotNoticed) {
   EXPECT_TRUE(store_->Update("a1", Nothing).ok());
 }
 
+TEST_F(PostgresJobStoreTest, ConnectionsAreKeptThoughTheyAreIdle) {
+  ASSERT_TRUE(server_
+                  ->Execute("DO $$ BEGIN IF current_setting('server_version_num')::int >= 140000 "
+                            "THEN ALTER DATABASE " +
+                            DatabaseName() + " SET idle_session_timeout = '1s'; END IF; END $$")
+                  .ok());
+  const auto connection = *PgConnection::Open(url_);
+  const auto row =
+      connection->Prepare("SELECT COALESCE(current_setting('idle_session_timeout', true), '0')");
+  ASSERT_TRUE(row->Step().value_or(false));
+  EXPECT_EQ(row->Text(0), "0");
+}
+
+TEST_F(PostgresJobStoreTest, ConnectionThatIsClosedIsNoOutage) {
+  ASSERT_TRUE(store_->Create(MakeJob("a1"), Nothing).ok());
+  // A test that stands still for seconds in between sees an outage.
+  EXPECT_TRUE(Eventually([&] {
+    const int64_t since = store_->ReachableSinceMs();
+    EXPECT_TRUE(store_->Get("a1").ok());
+    BreakConnections();
+    EXPECT_TRUE(server_
+                    ->Execute("DO $$ BEGIN WHILE EXISTS (SELECT 1 FROM pg_stat_activity WHERE "
+                              "datname = '" +
+                              DatabaseName() +
+                              "') LOOP PERFORM pg_sleep(0.01), pg_stat_clear_snapshot(); "
+                              "END LOOP; END $$")
+                    .ok());
+    EXPECT_TRUE(store_->Update("a1", Nothing).ok());
+    return store_->ReachableSinceMs() == since;
+  }));
+}
+
+TEST_F(PostgresJobStoreTest, DatabaseThatOnlyReadsIsNotWritable) {
+  ASSERT_TRUE(store_->CheckWritable().ok());
+  const auto admin = *PgConnection::Open(url_);
+  const auto execute = [&](const char* sql) { EXPECT_TRUE(admin->Execute(sql).ok()) << sql; };
+  execute("SET default_transaction_read_only = off");
+  execute("ALTER SYSTEM SET default_transaction_read_only = on");
+  execute("SELECT pg_reload_conf()");
+  absl::Status status;
+  EXPECT_TRUE(Eventually([&] { return !(status = store_->CheckWritable()).ok(); }));
+  EXPECT_EQ(Reason(status), "STORE_UNAVAILABLE");
+  execute("ALTER SYSTEM RESET default_transaction_read_only");
+  execute("SELECT pg_reload_conf()");
+  EXPECT_TRUE(Eventually([&] { return store_->CheckWritable().ok(); }));
+}
+
 TEST_F(PostgresJobStoreTest, ConnectionThatBreaksInATransactionCostsNothingAndDoublesNothing) {
   ASSERT_TRUE(store_->Create(MakeJob("a1"), Nothing).ok());
   int calls = 0;
@@ -161,9 +210,19 @@ TEST_F(PostgresJobStoreTest, WaiterIsToldOfAChange) {
   ASSERT_TRUE(store_->Create(MakeJob("a1"), Nothing).ok());
   // So seldom does it look by itself that it must be told.
   PgListener listener(url_, ChangeTopic::kJobs, /*look_every_seconds=*/60);
-  const int64_t token = listener.Wait(0, 20);  // it listens
+  int64_t token = listener.Wait(0, 20);  // it listens
+  // A lease that is renewed, say: nobody can watch that.
   ASSERT_TRUE(store_->Update("a1", Nothing).ok());
-  EXPECT_NE(listener.Wait(token, 20), token);
+  EXPECT_EQ(listener.Wait(token, 0.5), token);
+  const auto is_told_of = [&](JobStore::Change change) {
+    EXPECT_TRUE(store_->Update("a1", change).ok());
+    return std::exchange(token, listener.Wait(token, 20)) != token;
+  };
+  const EventRecord event{0, 1, EventKind::kState, "x"};
+  const LogEntry entry{0, 1, LogSeverity::kInfo, "x"};
+  EXPECT_TRUE(is_told_of([&](JobTransaction& job) { return job.AddEvent(event); }));
+  EXPECT_TRUE(is_told_of([&](JobTransaction& job) { return job.AddLog(entry); }));
+  EXPECT_TRUE(is_told_of([](JobTransaction& job) { return job.Remove(); }));
 }
 
 TEST_F(PostgresJobStoreTest, WaiterStillLearnsOfChangesAfterItsConnectionBroke) {
@@ -259,6 +318,24 @@ TEST_F(PostgresJobStoreTest, CommitsAreOnDiskWhateverTheDatabasesDefaultIs) {
   };
   EXPECT_EQ(setting("off"), "on");
   EXPECT_EQ(setting("remote_apply"), "remote_apply");
+}
+
+// A change of the layout may rewrite a large table, and other servers wait for it.
+TEST_F(PostgresJobStoreTest, MigrationTakesTheTimeItNeeds) {
+  const std::string url = *server_->NewDatabase();
+  const auto mine = *PgConnection::Open(url), other = *PgConnection::Open(url);
+  ASSERT_TRUE(mine->Execute("SET statement_timeout = 100; SET lock_timeout = 100").ok());
+  ASSERT_TRUE(other->Execute("SELECT pg_advisory_lock(548247)").ok());
+  std::thread migrates([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    EXPECT_TRUE(other->Execute("SELECT pg_advisory_unlock(548247)").ok());
+  });
+  const absl::Status status = MigratePostgres(mine.get());
+  migrates.join();
+  EXPECT_TRUE(status.ok()) << status;
+  const auto row = mine->Prepare("SELECT current_setting('statement_timeout')");
+  ASSERT_TRUE(row->Step().value_or(false));
+  EXPECT_EQ(row->Text(0), "10s");
 }
 
 TEST_F(PostgresJobStoreTest, TextThatPostgresCannotKeepIsRefusedByName) {
