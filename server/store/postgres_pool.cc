@@ -11,6 +11,8 @@ namespace {
 constexpr std::chrono::seconds kLongestWait{5};
 // While the database is away, connections are tried this often, however many calls fail.
 constexpr int64_t kRetryAfterMs = 200;
+// Without it for as long, some may not have renewed their leases.
+constexpr int64_t kOutageMs = 3000;
 
 }  // namespace
 
@@ -39,9 +41,12 @@ absl::StatusOr<PgPool::Handle> PgPool::Take() {
     return refusal_;
   }
   SetClock(**opened);
-  const int64_t since = away_ ? (*opened)->now_ms() : (*opened)->server_start_ms();
+  const int64_t reached_ms = MonotonicMs();
+  const bool was_away = away_ && reached_ms - reached_ms_ > kOutageMs;
+  const int64_t since = was_away ? (*opened)->now_ms() : (*opened)->server_start_ms();
   reachable_since_ms_ = std::max(reachable_since_ms_.load(), since);
   away_ = false;
+  reached_ms_ = reached_ms;
   return Handle(opened->release(), PutBack{this});
 }
 
@@ -53,6 +58,7 @@ void PgPool::Put(PgConnection* connection) {
     idle_.clear();  // most likely lost with it
     away_ = true;
   } else {
+    reached_ms_ = MonotonicMs();
     idle_.push_back(std::move(owned));
   }
   returned_.notify_one();

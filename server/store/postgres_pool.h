@@ -39,7 +39,7 @@ class PgPool {
   int64_t NowMs() const { return MonotonicMs() + clock_offset_ms_.load(); }
 
   // When the database was started, or, if that was later, when it was reached again after it could
-  // not be; by its clock.
+  // not be for some seconds; by its clock. One connection that is closed is no outage.
   int64_t ReachableSinceMs() const { return reachable_since_ms_.load(); }
 
  private:
@@ -53,6 +53,7 @@ class PgPool {
   std::vector<std::unique_ptr<PgConnection>> idle_;
   int taken_ = 0;
   bool away_ = false;        // a connection was lost or refused, and none was opened since
+  int64_t reached_ms_ = 0;   // when a connection was last good, by MonotonicMs()
   int64_t retry_at_ms_ = 0;  // calls fail with refusal_ until then
   absl::Status refusal_;
 };
