@@ -121,6 +121,7 @@ class SqlJobTransaction : public JobTransaction {
         id_(record.id),
         owner_(record.owner),
         was_queued_(record.state == JobState::kQueued),
+        said_(record.last_event + record.last_log_entry),
         photos_(record.photos),
         bytes_(record.bytes) {
     job = std::move(record);
@@ -205,7 +206,9 @@ class SqlJobTransaction : public JobTransaction {
     job.photos = photos_;
     job.bytes = bytes_;
     if (!removed_) LITAGS_RETURN_IF_ERROR(UpdateJob(sql_, job));
-    sql_.Announce(ChangeTopic::kJobs);
+    if (removed_ || job.last_event + job.last_log_entry != said_) {
+      sql_.Announce(ChangeTopic::kJobs);
+    }
     if (job.state == JobState::kQueued && !was_queued_) sql_.Announce(ChangeTopic::kQueue);
     return job;
   }
@@ -219,6 +222,7 @@ class SqlJobTransaction : public JobTransaction {
   SqlSession& sql_;
   const std::string id_, owner_;
   const bool was_queued_;
+  const int64_t said_;  // events and entries of the log
   int64_t photos_, bytes_;
   bool removed_ = false;
 };
