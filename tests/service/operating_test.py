@@ -75,7 +75,8 @@ class Metrics(harness.ServiceTest):
         self.assertEqual(grown['litags_call_seconds_count{method="RenderView"}'], 3)
         self.assertEqual(grown['litags_call_seconds_bucket{method="RenderView",le="+Inf"}'], 3)
         self.assertEqual(grown["litags_picture_seconds_count"], 3 + 4)
-        self.assertEqual(grown['litags_store_errors_total{reason="STORE_FAILED"}'], 0)
+        for reason in ('STORE_FAILED', 'BLOBS_DENIED', 'BLOBS_UNAVAILABLE', 'BLOB_DAMAGED'):
+            self.assertEqual(grown['litags_store_errors_total{reason="%s"}' % reason], 0)
         self.assertEqual(after["litags_store_up"], 1)
 
     def test_the_queue_has_an_age_and_training_a_rate(self):
