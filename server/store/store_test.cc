@@ -83,6 +83,12 @@ TEST(DataDirectory, FileInItsPlaceIsAClearError) {
   EXPECT_THAT(std::string(status.message()), testing::HasSubstr("Not a directory"));
 }
 
+TEST(DataDirectory, NoneIsAskedFor) {
+  const absl::Status status = DataDir::Open("").status();
+  EXPECT_EQ(Reason(status), "DATA_DIR_UNUSABLE");
+  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("with --data"));
+}
+
 TEST(DataDirectory, OneThatCannotBeLockedIsNotInUse) {
   TempDir dir;
   const DataDir data = *DataDir::Open(dir.path() + "/data");

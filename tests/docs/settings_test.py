@@ -22,8 +22,8 @@ def settings_of_page():
 
 
 def settings_of_program():
-    told = subprocess.run([SERVER, "--print-config"], env={"HOME": "~"}, capture_output=True,
-                          text=True, check=True).stdout
+    told = subprocess.run([SERVER, "--print-config"], env={"HOME": "/~"}, capture_output=True,
+                          text=True, check=True).stdout.replace("/~", "~")
     for line in told.splitlines():
         name, value = re.fullmatch(r"(?:# )?([a-z0-9-]+) = (.*)  # default", line).groups()
         if value == "[]" or value.startswith("(0 values"):
