@@ -130,6 +130,50 @@ assert.ok(await psnr(first, await still(alone.sheet, "alone-moved")) < 25, "the 
 assert.deepEqual(alone.asked.filter((address) => !/^(file|blob):/.test(address)), []);
 assert.deepEqual(alone.complaints, []);
 
+// A browser that takes WebGL away: once the scene is drawn, or while it loads.
+const loses = await sheetOf({});
+const here = async () => {
+  await loses.sheet.goto("about:blank");
+  await loses.sheet.goto(url);
+  await loses.sheet.locator("canvas.stage[data-full=true]").waitFor();
+  await loses.sheet.getByRole("combobox", {name: "Drawn", exact: true}).selectOption("here");
+};
+const taken = async () => {
+  await loses.sheet.getByText("the browser took WebGL away").waitFor();
+  assert.equal(await loses.sheet.getByRole("combobox", {name: "Drawn", exact: true}).inputValue(), "server");
+  await loses.sheet.locator("canvas.stage[data-full=true]").waitFor();
+};
+await here();
+await loses.sheet.getByText("drawn here").waitFor();
+await loses.sheet.evaluate(() => document.querySelector("canvas.here").getContext("webgl2")
+  .getExtension("WEBGL_lose_context").loseContext());
+await taken();
+await loses.sheet.addInitScript(() => {
+  const before = HTMLCanvasElement.prototype.getContext, usual = window.Response;
+  HTMLCanvasElement.prototype.getContext = function(kind, ...more) {
+    const context = before.call(this, kind, ...more);
+    if (!this.isConnected || kind !== "webgl2") return context;
+    // The scene is read when all have heard of it.
+    const lost = new Promise((ok) => this.addEventListener("webglcontextlost", () => window.setTimeout(ok)));
+    window.Response = class extends usual {
+      constructor(bytes) {
+        super(new ReadableStream({async start(stream) {
+          await lost;
+          stream.enqueue(bytes);
+          stream.close();
+        }}));
+      }
+    };
+    queueMicrotask(() => context.getExtension("WEBGL_lose_context").loseContext());
+    return context;
+  };
+});
+await here();
+await taken();
+await loses.sheet.goto(`file://${html}`);
+await loses.sheet.getByText("the browser took WebGL away").waitFor();
+assert.deepEqual(loses.complaints, []);
+
 // A browser without WebGL.
 const without = await sheetOf({});
 await without.sheet.addInitScript(() => {

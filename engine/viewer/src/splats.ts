@@ -121,9 +121,12 @@ export async function openSplats(canvas: HTMLCanvasElement, bytes: Uint8Array<Ar
   let timer = 0;
   let failure: ((error: Error) => void) | undefined;
   const stop = (): void => { window.clearTimeout(timer); app.destroy(); };
-  canvas.addEventListener("webglcontextlost", () => failure?.(new Error("the browser took WebGL away")));
+  const taken = (): Error => new Error("the browser took WebGL away");
+  canvas.addEventListener("webglcontextlost", () => failure?.(taken()));
   try {
-    splats.addComponent("gsplat", {asset: await load(app, bytes)});
+    const asset = await load(app, bytes);
+    if (app.graphicsDevice.isContextLost()) throw taken();  // nobody could be told before
+    splats.addComponent("gsplat", {asset});
   } catch (error) {
     stop();
     throw error;
