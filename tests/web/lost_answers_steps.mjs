@@ -297,12 +297,17 @@ for (const [name, path, method] of [["a question", /files:query$/, "POST"], ["a 
     let refused = 0;
     await page.route(path, (route) => route.request().method() !== method || ++refused > 1 ? route.continue()
       : route.fulfill({status: 401, json: {code: 16, message: "the token is unknown"}}));
-    await page.route(/\/v1\/session$/, (route) => route.fulfill({json: {}}));
+    let entered = 0;
+    await page.route(/\/v1\/session$/, async (route) => {
+      ++entered;
+      await page.waitForTimeout(300);
+      await route.fulfill({json: {}});
+    });
     await start.click();
     await page.getByLabel("Token").fill("another");
-    await page.getByRole("button", {name: "Enter"}).click();
+    await page.getByRole("button", {name: "Enter"}).dblclick();
     await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
-    assert.equal(await jobsOf(`With ${name}`), 1);
+    assert.deepEqual([entered, await jobsOf(`With ${name}`)], [1, 1]);
   });
 }
 
