@@ -36,6 +36,18 @@ await step("the skip link keeps the page and its files", async () => {
   await page.getByText("4 photos,").waitFor();
 });
 
+await step("a photo that is dropped beside the place for photos", async () => {
+  const kept = () => page.evaluate(() => ["dragover", "drop"].map((kind) => {
+    const dataTransfer = new DataTransfer();
+    dataTransfer.items.add(new File(["x"], "e.png"));
+    const event = new DragEvent(kind, {bubbles: true, cancelable: true, dataTransfer});
+    document.getElementById("main").dispatchEvent(event);
+    return event.defaultPrevented;
+  }));
+  assert.deepEqual(await kept(), [true, true]);
+  await page.getByText("4 photos,").waitFor();
+});
+
 // As a folder is dropped, whose name is longer than a title in the middle of a character.
 await step("a folder with one in it that cannot be read, and a hidden one", async () => {
   await page.getByRole("button", {name: "Remove the files"}).click();

@@ -296,6 +296,13 @@ export function submitView(): View {
   };
 
   const left = new AbortController();
+  // Files that are dropped beside the place for them: the browser would open one in place of the page.
+  const beside = (event: DragEvent): void => {
+    if (event.defaultPrevented || !event.dataTransfer?.types.includes("Files")) return;
+    event.preventDefault();
+    event.dataTransfer.dropEffect = "none";
+  };
+  for (const kind of ["dragover", "drop"] as const) window.addEventListener(kind, beside, {signal: left.signal});
   persistently(() => get<ServerInfo>("/v1/serverInfo"), left.signal, Infinity).then((info) => {
     options = optionFields(info);
     main.replaceChildren(...options.main);
