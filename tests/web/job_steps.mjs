@@ -24,6 +24,74 @@ await step("a file that cannot be made says why", async () => {
   }
 });
 
+await step("a refusal is seen from the end of the page", async () => {
+  const usual = page.viewportSize();
+  await page.setViewportSize({width: 390, height: 800});
+  await page.route(/\/model\?/, (route) => route.fulfill({status: 400, json: {code: 9, message: "no scene today"}}));
+  await page.locator(".compare:visible").waitFor();
+  await page.evaluate(() => window.scrollTo(0, document.documentElement.scrollHeight));
+  assert.ok(await page.evaluate(() => window.scrollY) > 100);
+  await page.getByRole("link", {name: "Download"}).press("Enter");
+  await said("no scene today");
+  const {y, height} = await page.locator("#notice").boundingBox();
+  assert.ok(y >= 0 && y + height <= 800, `the notice is at ${y}`);
+  await page.setViewportSize(usual);
+});
+
+await step("another photo's place whose picture does not come at once", async () => {
+  const picture = page.locator(".compare img").first(), before = await picture.getAttribute("src");
+  let broken = 0;
+  await page.route(/\/view\?pose\.camera=b/, (route) => ++broken > 1 ? route.continue() : route.abort());
+  await page.getByLabel("From the place of photo").selectOption("b.png");
+  await page.waitForFunction((src) => document.querySelector(".compare img").getAttribute("src") !== src, before);
+  assert.ok(broken > 1);
+});
+
+await step("what a finished job shows stays where it is", async () => {
+  await page.route(new RegExp(`${job}$`), async (route) => {
+    const answer = await (await route.fetch()).json();
+    answer.report.notes = ["a note"];
+    await route.fulfill({json: answer});
+  });
+  const refreshed = () => page.waitForResponse(new RegExp(`${job}$`));
+  await page.locator(".notes").getByText("a note").waitFor();
+  const parts = await Promise.all([".notes li", ".stages li"].map(
+      (part) => page.locator(part).first().elementHandle()));
+  const title = await page.evaluateHandle(() => document.querySelector("h1").firstChild);
+  for (let i = 0; i < 3; ++i) await refreshed();  // the third answer follows what the second one has shown
+  for (const part of [...parts, title]) assert.ok(await part.evaluate((node) => node.isConnected));
+});
+
+await step("the log stays where one reads it", async () => {
+  let go, asked = 0;
+  const more = new Promise((ok) => { go = ok; });
+  const time = "2026-01-01T00:00:00Z";
+  const entry = (i) => `id: ${i}\ndata: ${JSON.stringify({number: i, time, text: `line ${i}`})}\n\n`;
+  const first = Array.from({length: 60}, (_, i) => entry(i)).join(""), last = `${entry(60)}event: end\ndata: {}\n\n`;
+  await page.route(/\/log\?/, async (route) => {
+    if (++asked > 1) await more;
+    await route.fulfill({contentType: "text/event-stream", body: `retry: 10\n\n${asked > 1 ? last : first}`});
+  });
+  const log = page.locator(".log");
+  await page.getByText("Log", {exact: true}).click();
+  await log.getByText("line 59").waitFor();
+  assert.ok(await log.evaluate((lines) => lines.scrollHeight - lines.clientHeight - lines.scrollTop < 2));
+  await log.evaluate((lines) => { lines.scrollTop = 0; });
+  go();
+  await log.getByText("line 60").waitFor();
+  assert.equal(await log.evaluate((lines) => lines.scrollTop), 0);
+});
+
+await step("photos of two pages of the server's list", async () => {
+  await page.route(/\/files\?/, (route) => {
+    const name = new URL(route.request().url()).searchParams.get("pageToken") ? "z.png" : "y.png";
+    return route.fulfill({json: {files: [{name, role: "FILE_ROLE_PHOTO", width: 96, height: 72}],
+                                 nextPageToken: name === "y.png" ? "next" : ""}});
+  });
+  await page.getByText("Photos", {exact: true}).click();
+  await page.getByText("2 photos are of use").waitFor();
+});
+
 await step("what is spoken of a job: its state, not each step of it", async () => {
   assert.deepEqual(await page.locator(".heading .state, .standing").evaluateAll((parts) => parts.map(
       (part) => part.closest("[aria-live]")?.className)), ["state", undefined]);

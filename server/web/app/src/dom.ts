@@ -47,11 +47,13 @@ export function select(options: [value: string, text: string][], chosen: string,
   return element;
 }
 
-// Says something that happened, to screen readers, too.
-export function notice(text: string): void {
-  const place = document.getElementById("notice")!;
+// Leaves a text that is there already as it is: it may be selected, or read aloud.
+export function setText(place: HTMLElement, text: string): void {
   if (place.textContent !== text) place.textContent = text;
 }
+
+// Says something that happened, to screen readers, too.
+export function notice(text: string): void { setText(document.getElementById("notice")!, text); }
 
 // The notices of one part: with "" it takes back what it said itself.
 export function voice(): (text: string) => void {

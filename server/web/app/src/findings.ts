@@ -67,6 +67,19 @@ function table(photos: JobFile[], why: Map<string, string>): HTMLElement {
                el("tbody", {}, ...photos.map((p) => row(p, why.get(p.name))))));
 }
 
+// All of them: a page of the list ends before it is too large for a message.
+async function filesOf(job: string): Promise<JobFile[]> {
+  const files: JobFile[] = [];
+  let pageToken = "";
+  do {
+    const query = new URLSearchParams({pageSize: "10000", pageToken});
+    const page = await get<{files?: JobFile[]; nextPageToken?: string}>(`/v1/${job}/files?${query}`);
+    files.push(...page.files ?? []);
+    pageToken = page.nextPageToken ?? "";
+  } while (pageToken);
+  return files;
+}
+
 // Read when it is opened, and open while the job waits to be started.
 export function findings(name: string): Part {
   const body = el("div", {}), summary = el("p", {class: "findings"});
@@ -87,7 +100,7 @@ export function findings(name: string): Part {
     if (now === readAt && (state !== "JOB_STATE_UPLOADING" || photos > 0)) return;
     readAt = now;
     try {
-      files = (await get<{files?: JobFile[]}>(`/v1/${name}/files?pageSize=10000`)).files ?? [];
+      files = await filesOf(name);
       draw();
     } catch (error) {
       readAt = "";

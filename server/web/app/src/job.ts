@@ -3,7 +3,7 @@
 import {follow, get, saidOfRetried, type Following, type Job, type JobEvent, type LogEntry} from "./api.js";
 import {actions, downloads, type Part} from "./actions.js";
 import {chart} from "./chart.js";
-import {el, voice} from "./dom.js";
+import {el, setText, voice} from "./dom.js";
 import {downloadLink} from "./download.js";
 import {findings} from "./findings.js";
 import {History} from "./history.js";
@@ -12,6 +12,7 @@ import {pictures} from "./pictures.js";
 import {every, type View} from "./view.js";
 
 const kMostLines = 2000;  // of the log
+const kNearPx = 8;        // from its end: who is there goes on with it
 
 function head(refresh: () => void): Part {
   // The state alone is spoken: the line below it changes all the time.
@@ -25,11 +26,11 @@ function head(refresh: () => void): Part {
   return {
     element,
     show(job) {
-      title.textContent = titleOf(job);
+      setText(title, titleOf(job));
       document.title = `${titleOf(job)} - litags`;
-      if (state.textContent !== words(job.state)) state.textContent = words(job.state);
+      setText(state, words(job.state));
       state.dataset.state = words(job.state);
-      line.textContent = standing(job);
+      setText(line, standing(job));
       line.classList.toggle("error", job.state === "JOB_STATE_FAILED");
       bar.hidden = !isActive(job);
       bar.value = shareDone(job.progress);
@@ -50,11 +51,13 @@ function rows(pairs: [string, string][]): HTMLElement {
 
 function report(): Part {
   const element = el("section", {"aria-label": "Result", hidden: true});
+  let shown = "";
   return {
     element,
     show({report: r}) {
       element.hidden = !r;
-      if (!r) return;
+      if (!r || JSON.stringify(r) === shown) return;
+      shown = JSON.stringify(r);
       element.replaceChildren(
           el("h2", {}, "Result"),
           rows([["Photos placed", `${r.registered ?? 0} of ${r.photos ?? 0}`],
@@ -82,8 +85,13 @@ function curves(): {element: HTMLElement; show: (history: History, job: Job) => 
       loss.show(history.loss);
       psnr.element.toggleAttribute("hidden", history.psnr.length === 0);
       psnr.show(history.psnr);
-      stages.replaceChildren(...times.map(({stage, seconds}) =>
-        el("li", {}, words(stage), " ", el("span", {class: "time"}, timeText(Math.max(0, seconds))))));
+      while (stages.children.length > times.length) stages.lastElementChild!.remove();
+      times.forEach(({stage, seconds}, i) => {
+        const time = timeText(Math.max(0, seconds)), old = stages.children[i];
+        const item = el("li", {}, words(stage), " ", el("span", {class: "time"}, time));
+        if (!old) stages.append(item);
+        else if (!old.isEqualNode(item)) old.replaceWith(item);
+      });
     },
   };
 }
@@ -92,14 +100,17 @@ function curves(): {element: HTMLElement; show: (history: History, job: Job) => 
 function log(name: string): {element: HTMLElement; again: () => void; leave: () => void} {
   const lines = el("ol", {class: "log", tabindex: 0, "aria-label": "Lines of the log"});
   let following: Following | undefined;
+  const toEnd = (): void => { lines.scrollTop = lines.scrollHeight; };
   const open = (): void => {
-    if (!details.open || following) return;
-    following = follow<LogEntry & {number?: string}>(`/v1/${name}/log?follow=true`, "afterEntry", {
+    if (!details.open) return;
+    toEnd();
+    following ??= follow<LogEntry & {number?: string}>(`/v1/${name}/log?follow=true`, "afterEntry", {
       event: (entry) => {
         const time = new Date(entry.time).toLocaleTimeString();
+        const atEnd = lines.scrollHeight - lines.scrollTop - lines.clientHeight < kNearPx;
         lines.append(el("li", {class: words(entry.severity)}, el("time", {}, time), " ", entry.text ?? ""));
         if (lines.children.length > kMostLines) lines.firstElementChild!.remove();
-        lines.scrollTop = lines.scrollHeight;
+        if (atEnd) toEnd();
       },
       end: () => {}, trouble: () => {},
     });

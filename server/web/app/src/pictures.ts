@@ -51,7 +51,7 @@ export function pictures(): Part {
       about.textContent = `Both are drawn from the scene of ${titleOf(job)}, iteration ${iteration}.`;
       element.hidden = false;
     } catch {
-      // The next change of the job tries again.
+      drawn = -1;  // the next look at the job tries again
     } finally {
       made.forEach((unused) => URL.revokeObjectURL(unused));
       busy = false;
