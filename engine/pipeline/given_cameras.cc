@@ -90,10 +90,6 @@ absl::StatusOr<SparseModel> MatchPhotos(SparseModel model, const std::vector<std
   return out;
 }
 
-bool SameShape(const Camera& camera, int width, int height) {
-  return std::abs(double(width) * camera.height / (double(height) * camera.width) - 1) <= 0.02;
-}
-
 // What a photo's camera becomes when the photo is turned by 90 degrees, clockwise.
 void TurnClockwise(Camera* camera, Distortion* distortion) {
   Camera& c = *camera;
@@ -209,6 +205,10 @@ absl::Status FitToPhotos(const ReconstructInput& input, const std::set<std::stri
 }
 
 }  // namespace
+
+bool SameShape(const Camera& camera, int width, int height) {
+  return std::abs(double(width) * camera.height / (double(height) * camera.width) - 1) <= 0.02;
+}
 
 absl::StatusOr<int> FitToPhoto(const std::string& name, const ImageInfo& photo, bool has_own_size,
                                Camera* camera, Distortion* distortion) {

@@ -27,6 +27,9 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              std::vector<std::string>* notes,
                                              PanoramaNames* panoramas = nullptr);
 
+// Whether the camera's picture has the shape of one of this size, to 2 %.
+bool SameShape(const Camera& camera, int width, int height);
+
 // Makes a camera one of its photo as it is upright: turned as EXIF says, if it is of the photo as
 // stored, and scaled. `has_own_size`: its file says the camera's size, which tells what it is of.
 // Returns by how many turns clockwise it was turned.

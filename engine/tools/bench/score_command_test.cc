@@ -34,6 +34,16 @@ TEST(ScoreCommand, LargerTruthIsAveragedDownAndLpipsIsOfAGivenNetwork) {
   EXPECT_EQ(json["lpips"], 0);
 }
 
+TEST(ScoreCommand, ATruthOfAnotherShapeIsRefused) {
+  TempDir dir;
+  for (const char* folder : {"truth", "renders"}) std::filesystem::create_directory(dir / folder);
+  ASSERT_TRUE(WritePng(dir / "truth/a.png", ImageU8(48, 64)).ok());
+  ASSERT_TRUE(WritePng(dir / "renders/a.png", ImageU8(64, 48)).ok());
+  const SubprocessResult result = RunBench("score", {dir / "renders", dir / "truth"});
+  EXPECT_EQ(result.exit_code, 2) << result.tail;
+  EXPECT_THAT(result.tail, testing::HasSubstr("is 48x64, what it is compared with 64x48"));
+}
+
 TEST(ScoreCommand, OnlyPicturesCountAndEachStemStandsOnce) {
   TempDir dir;
   const ImageU8 gray(64, 48);

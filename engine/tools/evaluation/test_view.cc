@@ -41,6 +41,14 @@ absl::StatusOr<Photo> LoadPhoto(const std::string& dir, const TestView& view) {
   const Camera& camera = view.view.camera;
   if (camera.width == 0) return photo;
   if (photo.width != camera.width || photo.height != camera.height) {
+    // A narrow picture's shape changes where its size is rounded.
+    const double height = double(photo.height) * camera.width / photo.width;
+    if (!SameShape(camera, photo.width, photo.height) && std::abs(height - camera.height) > 1) {
+      return InvalidInput(
+          "SIZE_MISMATCH", view.view.name,
+          absl::StrCat(path, " is ", photo.width, "x", photo.height, ", what it is compared with ",
+                       camera.width, "x", camera.height, ", of another shape; turn or cut one"));
+    }
     photo = ResizeArea(photo, camera.width, camera.height);
   }
   if (view.distortion.IsZero()) return photo;

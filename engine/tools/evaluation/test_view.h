@@ -25,7 +25,7 @@ std::vector<std::string> NamesOf(const std::vector<TestView>& views);
 absl::StatusOr<std::string> FindPhoto(const std::string& dir, const std::string& name);
 
 // That photo as the view's pinhole camera sees it: resized to it and undistorted. With a camera of
-// no size, as it is.
+// no size, as it is. SIZE_MISMATCH if it has another shape.
 absl::StatusOr<Photo> LoadPhoto(const std::string& dir, const TestView& view);
 
 // The same with 8 bits.
