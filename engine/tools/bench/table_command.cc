@@ -79,8 +79,8 @@ absl::Status CompleteMethods(TableArguments* args) {
     for (const std::string& each :
          name == "all" ? AllMethods(enhancers) : std::vector<std::string>{name}) {
       if (Contains(names, each)) continue;
-      LITAGS_ASSIGN_OR_RETURN(TableMethod method, ParseMethod(each, args->base, enhancers));
-      LITAGS_RETURN_IF_ERROR(SetConstants(args->set, &method.options));
+      LITAGS_ASSIGN_OR_RETURN(TableMethod method,
+                              ParseMethod(each, args->base, enhancers, args->set));
       names.push_back(each);
       options.methods.push_back(std::move(method));
     }
@@ -121,8 +121,8 @@ absl::Status Complete(TableArguments* args) {
   options.program = OwnArguments();
   options.heading =
       absl::StrCat("# Methods compared\n\nMeans over test views; ", args->base.iterations,
-                   " iterations each, same cameras and program. The best is in bold; 3dgs-normal "
-                   "is for reference.\n\n"
+                   " iterations each, same cameras. The best is in bold; 3dgs-normal is for "
+                   "reference.\n\n"
                    "```\n",
                    absl::StrJoin(options.program, " "), "\n```");
   if (!options.program.empty()) options.program[0] = "/proc/self/exe";

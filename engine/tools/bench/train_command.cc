@@ -138,12 +138,13 @@ nlohmann::json ReportDepth(const DepthScores& depth) {
           {"beyond_20_percent", depth.beyond_20_percent}};
 }
 
-// So that it begins at the beginning, not at a checkpoint: the seconds are those of the whole run.
+// So that nothing that an earlier run kept is used: the seconds are those of the whole run.
 absl::Status RemoveOldRun(const std::string& out) {
   std::error_code ignored;  // writing reports what matters
   std::filesystem::create_directories(out, ignored);
   LITAGS_ASSIGN_OR_RETURN(const FolderLock lock, LockWorkDir(out));
-  for (const char* old : {"/scene.litags", "/checkpoint.litags"}) {
+  for (const char* old :
+       {"/scene.litags", "/checkpoint.litags", "/depth.litags", "/start.litags"}) {
     std::filesystem::remove(out + old, ignored);
   }
   return absl::OkStatus();

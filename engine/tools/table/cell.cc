@@ -1,5 +1,6 @@
 #include "engine/tools/table/cell.h"
 
+#include <array>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -84,8 +85,13 @@ absl::StatusOr<std::string> TableCell::RowKey() const {
     f.Add(name.data(), name.size());
     const absl::StatusOr<std::string> truth = FindPhoto(scene_.TruthDir(), name);
     if (truth.ok()) f.AddFileIfReadable(*truth, kMaxFileBytes);
+    const Camera& camera = view.view.camera;
+    f.Add(std::array{camera.width, camera.height});
+    f.Add(std::array{camera.fx, camera.fy, camera.cx, camera.cy});
+    f.Add(camera.Viewmat());
+    f.Add(view.distortion.Coefficients());
+    f.Add(view.distortion.fisheye);
   }
-  f.AddFileIfReadable(scene_.dir + "/transforms_test.json", kMaxFileBytes);
   return absl::StrCat(
       training, " ", f.Text(), " ", EnhancerKey(method_.after), " ",
       options_.lpips.empty() ? "" : FileKey(options_.lpips),

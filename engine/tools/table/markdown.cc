@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <map>
 #include <optional>
 #include <set>
 
@@ -198,6 +199,28 @@ std::string CostTable(const Rows& rows, const std::vector<TableMethod>& methods,
   return out;
 }
 
+// The rows that other programs made than most; nothing where one made all.
+std::string OtherBuilds(const Rows& rows) {
+  std::map<std::string, std::vector<std::string>> made;  // by build
+  for (const TableRow& row : rows) {
+    if (row.ok())
+      made[row.build].push_back(absl::StrCat(row.scene, " ", row.light, " ", row.method));
+  }
+  if (made.size() < 2) return "";
+  const auto most = std::max_element(made.begin(), made.end(), [](const auto& a, const auto& b) {
+    return a.second.size() < b.second.size();
+  });
+  std::string out =
+      absl::StrCat("\n## Made by other programs\n\nBuild ", most->first,
+                   " made the other rows; what the programs differ in may show in the figures. "
+                   "--fresh makes all anew.\n\n");
+  for (const auto& [build, names] : made) {
+    if (build == most->first) continue;
+    absl::StrAppend(&out, "- build ", build, ": ", absl::StrJoin(names, ", "), "\n");
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string TableMarkdown(const Rows& rows, const std::vector<TableMethod>& methods,
@@ -216,6 +239,7 @@ std::string TableMarkdown(const Rows& rows, const std::vector<TableMethod>& meth
     absl::StrAppend(&out, "\nCost and diagnostics, means over scenes:\n\n",
                     CostTable(rows, methods, light));
   }
+  absl::StrAppend(&out, OtherBuilds(rows));
   std::string failed;
   for (const TableRow& row : rows) {
     if (row.ok()) continue;

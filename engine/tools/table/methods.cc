@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
+#include "engine/tools/evaluation/method_options.h"
 
 namespace litags {
 namespace {
@@ -53,7 +54,8 @@ std::vector<std::string> AllMethods(const std::vector<std::string>& enhancers) {
 }
 
 absl::StatusOr<TableMethod> ParseMethod(const std::string& name, const ReconstructOptions& base,
-                                        const std::vector<std::string>& enhancers) {
+                                        const std::vector<std::string>& enhancers,
+                                        const std::vector<std::string>& set) {
   TableMethod method;
   method.name = method.trained_as = name;
   method.options = base;
@@ -61,11 +63,15 @@ absl::StatusOr<TableMethod> ParseMethod(const std::string& name, const Reconstru
     if (name != named.name) continue;
     method.group = named.group;
     method.options.method = named.method;
-    if (named.change != nullptr) method.options.recipe = named.change(RecipeOf(named.method));
+    LITAGS_RETURN_IF_ERROR(SetConstants(set, &method.options));
+    if (named.change == nullptr) return method;
+    // After `set`, which must not undo what the name says.
+    method.options.recipe = named.change(method.options.recipe.value_or(RecipeOf(named.method)));
     return method;
   }
 
   method.options.method = Method::k3dgs;
+  LITAGS_RETURN_IF_ERROR(SetConstants(set, &method.options));
   method.group = Group::kVanilla;
   if (name == "3dgs") return method;
   if (name == "3dgs-normal") {

@@ -29,10 +29,11 @@ std::vector<std::string> LitaMethods();
 // LitaMethods().
 std::vector<std::string> AllMethods(const std::vector<std::string>& enhancers);
 
-// The method called `name`; what its name does not say is as in `base`. INVALID_ARGUMENT
-// (UNKNOWN_METHOD) with a list of what there is.
+// The method called `name`; what its name does not say is as in `base`, and as `set` (of --set)
+// has it. INVALID_ARGUMENT (UNKNOWN_METHOD) with a list of what there is; errors of SetConstants.
 absl::StatusOr<TableMethod> ParseMethod(const std::string& name, const ReconstructOptions& base,
-                                        const std::vector<std::string>& enhancers);
+                                        const std::vector<std::string>& enhancers,
+                                        const std::vector<std::string>& set = {});
 
 }  // namespace litags
 

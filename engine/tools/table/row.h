@@ -30,7 +30,7 @@ struct TableRow {
   // Along a path (--flicker): mean difference of what two frames show both, [0, 1]; the share of
   // pixels that they do; the frames' standard deviation. None if not asked for.
   std::optional<double> flicker, flicker_share, path_contrast;
-  std::string build;  // fingerprint of the program that made it
+  std::string build;  // fingerprint of the program that made it: TRAINED, or TRAINED+SCORED
 
   bool ok() const { return error.empty(); }
   bool scored() const { return ok() && psnr.has_value(); }
@@ -44,8 +44,8 @@ std::string TableJson(const std::vector<TableRow>& rows);
 std::string TableCsv(const std::vector<TableRow>& rows);
 
 // One table per light in the paper's layout (methods down, scenes and their mean across, groups
-// apart, the best in bold), what it cost, and what failed. Scenes without truth have no column; a
-// line names them. Lines are in the order of `methods`.
+// apart, the best in bold), what it cost, which rows other builds made, and what failed. Scenes
+// without truth have no column; a line names them. Lines are in the order of `methods`.
 std::string TableMarkdown(const std::vector<TableRow>& rows,
                           const std::vector<TableMethod>& methods, const std::string& heading);
 

@@ -112,6 +112,18 @@ TEST(TableMarkdown, ShowsFlickerWhereItWasMeasured) {
   EXPECT_NE(text.find("| 12.50 | 5.00 |"), std::string::npos) << text;
 }
 
+TEST(TableMarkdown, NamesTheRowsThatOtherBuildsMade) {
+  std::vector<TableRow> rows = {Row("a", "3dgs", 7), Row("a", "litags", 20),
+                                Row("b", "litags", 21)};
+  for (TableRow& row : rows) row.build = "new";
+  const auto text = [&] { return TableMarkdown(rows, Methods({"3dgs", "litags"}), "# T"); };
+  EXPECT_EQ(text().find("other programs"), std::string::npos) << text();
+  rows[0].build = "old";
+  EXPECT_NE(text().find("## Made by other programs"), std::string::npos) << text();
+  EXPECT_NE(text().find("- build old: a low 3dgs\n"), std::string::npos) << text();
+  EXPECT_EQ(text().find("- build new"), std::string::npos) << text();
+}
+
 TEST(TableMarkdown, AMeanOverFewerScenesIsNotShown) {
   TableRow failed = Row("b", "litags", 0);
   failed.error = "too dark";
@@ -170,6 +182,22 @@ TEST(ParseMethod, AnAblationIsTheRecipeWithThatChange) {
   EXPECT_EQ(text("3dgs"), FieldsText(Plain3dgs()));
 }
 
+TEST(ParseMethod, SetConstantsDoNotUndoWhatTheNameSays) {
+  const auto of = [](const char* name) {
+    return ParseMethod(name, ReconstructOptions(), {}, {"noise_filter=true", "use_pdm=true"})
+        .value()
+        .options.ResolveRecipe();
+  };
+  EXPECT_TRUE(of("litags").noise_filter);
+  EXPECT_FALSE(of("litags-no-noise-filter").noise_filter);
+  for (const char* name : {"litags", "litags-no-noise-filter", "litags-paper", "3dgs"}) {
+    EXPECT_TRUE(of(name).use_pdm) << name;
+  }
+  EXPECT_FALSE(of("litags-paper-no-pdm").use_pdm);
+  EXPECT_EQ(Reason(ParseMethod("litags-no-depth", ReconstructOptions(), {}, {"no"}).status()),
+            "BAD_OPTION");
+}
+
 TEST(ParseMethod, NamesThatSaidAnotherThingAreGone) {
   for (const char* name : {"litags-no-pdm", "litags-no-prior", "litags-no-pdm-depth-prior"}) {
     EXPECT_EQ(Reason(ParseMethod(name, ReconstructOptions(), {}).status()), "UNKNOWN_METHOD");
@@ -191,6 +219,7 @@ TEST(FindScenes, AFolderOfScenesIsAllOfThem) {
   EXPECT_EQ(scenes->at(1).name, "shrub");
   EXPECT_EQ(FindScenes({dir / "LOM/bike/"}, "")->at(0).name, "bike");
   EXPECT_EQ(Reason(FindScenes({dir / "LOM/notes"}, "").status()), "NO_SUCH_SCENE");
+  EXPECT_EQ(Reason(FindScenes({dir / std::string(300, 'x')}, "").status()), "NO_SUCH_SCENE");
   EXPECT_EQ(Reason(FindScenes({dir / "LOM", dir / "else"}, "").status()), "DUPLICATE_SCENE");
 }
 

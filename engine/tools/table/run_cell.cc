@@ -64,15 +64,16 @@ absl::StatusOr<double> EnhancePhotos(const TableCell& cell, const std::string& o
 absl::StatusOr<TableRow> Train(const TableCell& cell, Engine* engine) {
   LITAGS_ASSIGN_OR_RETURN(const std::string key, cell.TrainingKey());
   const std::string dir = cell.TrainingDir(), kept = dir + "/training.json";
-  if (const auto row = KeptRow(kept, key); row.has_value() && fs::exists(dir + "/scene.litags")) {
+  std::error_code ignored;  // writing reports what matters
+  if (const auto row = KeptRow(kept, key);
+      row.has_value() && fs::exists(dir + "/scene.litags", ignored)) {
     return *row;
   }
-  // From the beginning, not from a checkpoint: the seconds are those of the whole run.
-  for (const char* old : {"training.json", "scene.litags", "checkpoint.litags", "enhanced"}) {
-    std::error_code ignored;
+  // From the beginning, without what an earlier run kept: the seconds are those of the whole run.
+  for (const char* old : {"training.json", "scene.litags", "checkpoint.litags", "depth.litags",
+                          "start.litags", "enhanced"}) {
     fs::remove_all(dir + "/" + old, ignored);
   }
-  std::error_code ignored;
   fs::create_directories(dir, ignored);
 
   TableRow cost = cell.EmptyRow();
@@ -193,6 +194,8 @@ absl::StatusOr<TableRow> TrainAndScore(const TableOptions& options, const TableC
   const std::unique_ptr<Engine> engine = MakeEngine(options.colmap);
   LITAGS_ASSIGN_OR_RETURN(TableRow row, Train(cell, engine.get()));
   row.method = cell.method().name;
+  // An earlier program trained it, and this one scores it.
+  if (row.build != BuildId()) absl::StrAppend(&row.build, "+", BuildId());
   LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
                           engine->LoadScene(cell.TrainingDir() + "/scene.litags"));
   LITAGS_ASSIGN_OR_RETURN(std::vector<TestView> views, cell.scene().TestViews());

@@ -25,7 +25,10 @@ namespace fs = std::filesystem;
 
 constexpr char kTrain[] = "transforms_train.json", kTest[] = "transforms_test.json";
 
-bool IsScene(const fs::path& dir) { return fs::exists(dir / kTest) || fs::exists(dir / kTrain); }
+bool IsScene(const fs::path& dir) {
+  std::error_code ignored;
+  return fs::exists(dir / kTest, ignored) || fs::exists(dir / kTrain, ignored);
+}
 
 // "LOM_full/buu/" and "." have names too.
 std::string NameOf(const fs::path& dir) {
@@ -106,7 +109,8 @@ absl::StatusOr<std::string> TableScene::PrepareCameras(const std::string& light,
   input.images_dir = PhotosDir(light);
   input.cameras_path = absl::StrCat(dir, "/", sparse.empty() ? kTrain : sparse);
   input.work_dir = work_dir;
-  if (!fs::exists(input.cameras_path)) {
+  std::error_code error;  // reading says what is wrong
+  if (!fs::exists(input.cameras_path, error) && !error) {
     return Missing(input.cameras_path, "no such cameras; name a file or folder with --sparse");
   }
   UseMasksBeside(input.images_dir, &input.masks_dir);
@@ -136,9 +140,16 @@ absl::StatusOr<std::vector<TableScene>> FindScenes(const std::vector<std::string
     std::vector<std::string> found;
     if (IsScene(dir)) {
       found.push_back(dir);
-    } else if (fs::is_directory(dir)) {
-      for (const fs::directory_entry& entry : fs::directory_iterator(dir)) {
-        if (entry.is_directory() && IsScene(entry.path())) found.push_back(entry.path());
+    } else {
+      std::error_code error;
+      for (fs::directory_iterator it(dir, error), end; it != end; it.increment(error)) {
+        std::error_code ignored;
+        if (it->is_directory(ignored) && IsScene(it->path())) found.push_back(it->path());
+      }
+      if (error == std::errc::permission_denied) {
+        return MakeError(absl::StatusCode::kPermissionDenied, "NO_PERMISSION", dir,
+                         absl::StrCat("cannot list the folder '", dir, "': ", error.message(),
+                                      "; check its permissions"));
       }
       std::sort(found.begin(), found.end());
     }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -259,6 +260,46 @@ TEST_F(TableTest, AChangedPhotoOfTheSameSizeIsTrainedAnew) {
   ASSERT_TRUE(WritePng(truth + "png", ImageU8(64, 48)).ok());
   const Outcome black = Run(arguments, scenes);
   EXPECT_EQ(black.text.find(": kept"), std::string::npos) << black.text;
+}
+
+TEST_F(TableTest, ATestCameraThatMovedIsScoredAnew) {
+  const std::string scenes = out_ / "moved", sparse = scenes + "/room/sparse";
+  WriteLomScene(scenes + "/room");
+  const std::vector<std::string> arguments = {"--light", "low", "--methods", "3dgs"};
+  // Written again before the first run, so that the test camera alone differs in the second.
+  SparseModel model = ReadColmapModel(sparse, "sparse").value();
+  ASSERT_TRUE(WriteColmapModel(sparse, model).ok());
+  const Outcome first = Run(arguments, scenes);
+  ASSERT_EQ(first.exit_code, 0) << first.text;
+  for (View& view : model.views) {
+    if (view.name == "0003.JPG") view.camera.t[0] += 0.3;
+  }
+  ASSERT_TRUE(WriteColmapModel(sparse, model).ok());
+  const Outcome moved = Run(arguments, scenes);
+  EXPECT_EQ(moved.text.find(": kept"), std::string::npos) << moved.text;
+  EXPECT_NE(Row(moved, "low", "3dgs")["psnr"], Row(first, "low", "3dgs")["psnr"]);
+  EXPECT_NE(Run(arguments, scenes).text.find("room/low/3dgs: kept"), std::string::npos);
+}
+
+// Its CPU seconds are those of a whole run, and another program may have made what was kept.
+TEST_F(TableTest, ARowDoneAnewUsesNothingThatAnEarlierRunKept) {
+  const std::vector<std::string> kept = {"depth.litags", "start.litags"};
+  const auto file = [&](const std::string& name) {
+    return std::filesystem::path(out_ / ("out/runs/room/low/litags/" + name));
+  };
+  ASSERT_EQ(Run({"--light", "low", "--methods", "litags"}).exit_code, 0);
+  const auto long_ago = std::filesystem::file_time_type::clock::now() - std::chrono::hours(24);
+  for (const std::string& name : kept) {
+    ASSERT_TRUE(std::filesystem::exists(file(name))) << name;
+    std::filesystem::last_write_time(file(name), long_ago);
+  }
+  const Outcome anew = Run({"--light", "low", "--methods", "litags", "--set", "lr_scales=0.011"});
+  ASSERT_EQ(anew.exit_code, 0) << anew.text;
+  for (const std::string& name : kept) {
+    ASSERT_TRUE(std::filesystem::exists(file(name))) << name;
+    EXPECT_GT(std::filesystem::last_write_time(file(name)), long_ago + std::chrono::hours(1))
+        << name;
+  }
 }
 
 // As litags-train does, and photos keep theirs when they are enhanced.
