@@ -242,6 +242,30 @@ TEST(MemoryEstimate, ARunIsRefusedBeforeCamerasAreFound) {
   ReconstructInput input = capture.Input("work");
   input.memory_bytes = 1000;
   EXPECT_EQ(Reason(Train(input, capture.Options(10)).status()), "MEMORY_EXCEEDED");
+  input.cameras_path.clear();
+  EXPECT_EQ(Reason(Train(input, capture.Options(10)).status()), "MEMORY_EXCEEDED");
+}
+
+TEST(MemoryEstimate, PhotosWithoutAGivenCameraTakeNone) {
+  RoomCapture capture(20);
+  const ReconstructOptions options = capture.Options(10);
+  constexpr size_t kPlaced = 6;
+  capture.model.views.resize(kPlaced);
+  capture.model.distortions.resize(kPlaced);
+  for (SparsePoint& point : capture.model.points) {
+    std::erase_if(point.track, [](const TrackElement& e) { return e.view >= int{kPlaced}; });
+  }
+  std::erase_if(capture.model.points, [](const SparsePoint& p) { return p.track.empty(); });
+  ReconstructInput input = capture.Input("work");
+  const auto least = [&](int count) {
+    std::vector<ScreenedPhoto> photos = PhotosOf(count, RoomCapture::kWidth, RoomCapture::kHeight);
+    for (int i = 0; i < count; ++i) photos[i].name = RoomCapture::Name(i);
+    return EstimateMemory(photos, options, 1, MapsOf(photos, input, options, false)).Least();
+  };
+  input.memory_bytes = least(20) - 1;
+  ASSERT_GT(input.memory_bytes, least(kPlaced));
+  const auto report = Train(input, options);
+  EXPECT_TRUE(report.ok()) << report.status();
 }
 
 // Peak of a process that trains on photos of this size, bytes.

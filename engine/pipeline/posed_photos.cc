@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -274,6 +275,22 @@ absl::Status CheckPhotosLeft(const PhotoScreen& screen) {
                    absl::StrCat(status.message(), "; left out: ", first.name, ": ", first.why));
 }
 
+absl::Status CheckMemoryOf(const Context& context, const PhotoScreen& screen,
+                           const std::vector<ScreenedPhoto>& photos) {
+  const ReconstructInput& input = context.input;
+  return CheckMemory(photos, context.options,
+                     MapsOf(photos, input, context.options, !screen.masks.empty()),
+                     input.memory_bytes);
+}
+
+// Those that are trained on: of given cameras there may be fewer than photos.
+std::vector<ScreenedPhoto> WithCamera(std::vector<ScreenedPhoto> photos, const SparseModel& model) {
+  std::set<std::string> names;
+  for (const View& view : model.views) names.insert(view.name);
+  std::erase_if(photos, [&](const ScreenedPhoto& photo) { return !names.contains(photo.name); });
+  return photos;
+}
+
 // They count for nothing but what they see (SceneExtent, FrameOfViews, LocalOrigin).
 void NoteFarCameras(const Context& context, const std::vector<View>& views) {
   std::vector<std::array<double, 3>> places;
@@ -323,12 +340,14 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
   const auto before_screen = static_cast<ptrdiff_t>(notes->size());
   notes->insert(notes->end(), screen.notes.begin(), screen.notes.end());
   LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen));
-  LITAGS_RETURN_IF_ERROR(CheckMemory(
-      screen.photos, context.options,
-      MapsOf(screen.photos, input, context.options, !screen.masks.empty()), input.memory_bytes));
+  const bool given = !input.cameras_path.empty();
+  if (!given) LITAGS_RETURN_IF_ERROR(CheckMemoryOf(context, screen, screen.photos));
   PosedPhotos posed;
   LITAGS_ASSIGN_OR_RETURN(posed.model,
                           ObtainCameras(context, screen.Names(), screen.masks, colmap));
+  if (given) {
+    LITAGS_RETURN_IF_ERROR(CheckMemoryOf(context, screen, WithCamera(screen.photos, posed.model)));
+  }
   for (const PhotoLeftOut& photo : screen.left_out) context.report->dropped.push_back(photo.name);
   context.report->photos += static_cast<int>(screen.left_out.size());
   LITAGS_RETURN_IF_ERROR(context.cancel.Check());
