@@ -182,10 +182,10 @@ void AppendBundlerList(LocalFile* cameras) {
   if (!std::getline(file, line) || !absl::StrContains(line, "# Bundle file")) return;
   absl::string_view stem = cameras->path;
   if (!absl::ConsumeSuffix(&stem, ".bundle.out")) absl::ConsumeSuffix(&stem, ".out");
-  const fs::path folder = fs::absolute(cameras->path).parent_path();
+  std::error_code ignored;
+  const fs::path folder = fs::absolute(cameras->path, ignored).parent_path();
   std::vector<fs::path> paths = {fs::path(absl::StrCat(stem, ".list.txt")), folder / "list.txt"};
   std::vector<fs::path> others;
-  std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder, ignored)) {
     if (entry.path().extension() == ".lst") others.push_back(entry.path());
   }
@@ -405,7 +405,8 @@ absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::st
 }
 
 std::string DefaultTitle(const std::string& photos_dir) {
-  fs::path path = fs::absolute(photos_dir).lexically_normal();
+  std::error_code ignored;
+  fs::path path = fs::absolute(photos_dir, ignored).lexically_normal();
   if (!path.has_filename()) path = path.parent_path();  // "photos/"
   const std::string name = path.filename().string();
   return name.size() > v1::kMaxDisplayNameBytes || Printable(name) != name ||

@@ -207,7 +207,8 @@ std::string BundlerListOf(const std::string& path) {
     if (fs::is_regular_file(list, ignored)) return list;
   }
   std::vector<std::string> lists;
-  for (const auto& entry : fs::directory_iterator(fs::absolute(path).parent_path(), ignored)) {
+  for (const auto& entry :
+       fs::directory_iterator(fs::absolute(path, ignored).parent_path(), ignored)) {
     if (entry.path().extension() == ".lst") lists.push_back(entry.path());
   }
   return lists.size() == 1 ? lists[0] : "";

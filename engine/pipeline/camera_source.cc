@@ -217,7 +217,7 @@ void ResolveGivenCameras(ReconstructInput* input, ReconstructReport* report) {
   std::error_code ignored;
   const bool is_folder = fs::is_directory(input->cameras_path, ignored);
   report->notes.push_back(absl::StrCat("the cameras are those in ",
-                                       fs::relative(input->cameras_path, given).string(),
+                                       fs::proximate(input->cameras_path, given, ignored).string(),
                                        is_folder ? ", the largest model of the folder" : ""));
 }
 
@@ -226,7 +226,8 @@ std::optional<SparseModel> KeptCameras(const ReconstructInput& input, const Json
                                        size_t first_note, ReconstructReport* report,
                                        std::string* damage) {
   for (const std::string& dir : {SolvedFisheyes(input), KeptFolder(input)}) {
-    if (!fs::exists(dir + "/registration.json")) continue;
+    std::error_code error;  // reading says what is wrong
+    if (!fs::exists(dir + "/registration.json", error) && !error) continue;
     absl::StatusOr<std::optional<SparseModel>> found =
         LoadRegistration(dir, source, first_note, report);
     if (found.ok() && found->has_value()) return *std::move(found);

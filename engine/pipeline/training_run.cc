@@ -71,8 +71,9 @@ TrainingRun::TrainingRun(const Context& context, const TrainSet& set, Splats ini
 }
 
 absl::Status TrainingRun::Resume() {
-  if (!std::filesystem::exists(checkpoint_path_)) {
-    if (std::filesystem::exists(scene_path_)) {
+  std::error_code error;  // reading says what is wrong
+  if (!std::filesystem::exists(checkpoint_path_, error) && !error) {
+    if (std::filesystem::exists(scene_path_, error)) {
       context_.Note(absl::StrCat("an earlier run left no checkpoint; ", kFromTheBeginning));
     }
     return absl::OkStatus();

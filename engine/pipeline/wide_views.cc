@@ -184,7 +184,8 @@ absl::StatusOr<ReconstructInput> WithViewsOfWidePhotos(
   ReconstructInput result = input;
   result.images_dir = out.dir;
   result.rig_views.merge(out.rig_views);
-  result.masks_dir = fs::is_empty(out.masks) ? "" : out.masks.string();
+  std::error_code ignored;  // reading masks says what is wrong
+  result.masks_dir = fs::is_empty(out.masks, ignored) ? "" : out.masks.string();
   if (!input.cameras_path.empty()) {
     const fs::path cameras = dir / "cameras";
     LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(cameras));

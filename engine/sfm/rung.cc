@@ -93,7 +93,8 @@ absl::StatusOr<std::vector<SparseModel>> ReadModels(const std::string& models_di
                                                     const std::vector<PhotoFile>& photos,
                                                     const RigViews& rigs) {
   std::vector<SparseModel> models;
-  for (int i = 0; fs::exists(absl::StrCat(models_dir, "/", i)); ++i) {
+  std::error_code ignored;
+  for (int i = 0; fs::exists(absl::StrCat(models_dir, "/", i), ignored); ++i) {
     LITAGS_ASSIGN_OR_RETURN(SparseModel copies,
                             ReadColmapModel(absl::StrCat(models_dir, "/", i), "colmap model"));
     LITAGS_ASSIGN_OR_RETURN(SparseModel model, ToPhotos(std::move(copies), photos));

@@ -134,7 +134,8 @@ class Mover {
 absl::StatusOr<MoveSummary> MoveInstallation(const StorePlaces& from, const StorePlaces& to,
                                              const DataDir& data,
                                              const std::function<void(const std::string&)>& note) {
-  if (!from.UsesPostgres() && !fs::exists(from.SqlitePath(data))) {
+  std::error_code error;  // opening says what is wrong
+  if (!from.UsesPostgres() && !fs::exists(from.SqlitePath(data), error) && !error) {
     return InvalidInput("SOURCE_NOT_FOUND", "data",
                         absl::StrCat("there is no job store ", from.SqlitePath(data),
                                      " to move; name the installation's --data or --store"));

@@ -49,7 +49,7 @@ void AddLpipsOption(CLI::App* command, std::string* path) {
 void AddJsonOption(CLI::App* command, std::string* path) {
   const auto can_be_made = [](std::string& text) -> std::string {
     std::error_code ignored;
-    const fs::path file = fs::absolute(text);
+    const fs::path file = fs::absolute(text, ignored);
     if (fs::is_directory(file.parent_path(), ignored) && !fs::is_directory(file, ignored)) {
       return "";
     }

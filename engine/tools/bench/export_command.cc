@@ -205,9 +205,11 @@ absl::Status Run(ExportArguments args) {
     LITAGS_ASSIGN_OR_RETURN(scene, LoadSceneFile(args.scene));
   }
   const bool keep = !args.out.empty();
-  if (!keep)
-    args.out = absl::StrCat(fs::temp_directory_path().string(), "/litags-export-", getpid());
   std::error_code ignored;
+  if (!keep) {
+    const std::string folder = fs::temp_directory_path(ignored).string();
+    args.out = absl::StrCat(folder.empty() ? "/tmp" : folder, "/litags-export-", getpid());
+  }
   fs::create_directories(args.out, ignored);  // writing says what is wrong
   const auto report = Exporter(args, scene).Run();
   if (!keep) fs::remove_all(args.out, ignored);

@@ -29,11 +29,11 @@ const std::map<std::string, Runner>& Runners() {
 }
 
 std::vector<fs::path> FindCases(const fs::path& folder) {
-  if (fs::exists(folder / "case.json")) return {folder};
+  std::error_code ignored;
+  if (fs::exists(folder / "case.json", ignored)) return {folder};
   std::vector<fs::path> cases;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator(folder, error)) {
-    if (fs::exists(entry.path() / "case.json")) cases.push_back(entry.path());
+  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
+    if (fs::exists(entry.path() / "case.json", ignored)) cases.push_back(entry.path());
   }
   std::sort(cases.begin(), cases.end());
   return cases;

@@ -19,6 +19,11 @@ namespace fs = std::filesystem;
 constexpr char kPoses[] = "--render-poses";
 constexpr char kTestViews[] = "/transforms_test.json";
 
+bool IsThere(const std::string& path) {
+  std::error_code ignored;
+  return fs::exists(path, ignored);
+}
+
 // For files of cameras that state no size; 0x0 without photos.
 ImageInfo SizeOfFirstPhoto(const std::string& dir) {
   const auto photos = ListPhotos(dir, "photos");
@@ -33,7 +38,7 @@ std::string BenchmarkScene::PhotosDir() const { return light.empty() ? dir : dir
 std::string BenchmarkScene::TruthDir() const {
   if (!truth.empty()) return truth;
   const std::string high = dir + "/high";
-  return fs::exists(high) ? high : std::string();
+  return IsThere(high) ? high : std::string();
 }
 
 std::string BenchmarkScene::DepthDir() const { return sfm ? std::string() : dir + "/depth"; }
@@ -45,7 +50,7 @@ absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_d
   input.work_dir = work_dir;
   input.cameras_path = cameras;
   const std::string train = dir + "/transforms_train.json";
-  const bool has_train = !light.empty() && fs::exists(train);
+  const bool has_train = !light.empty() && IsThere(train);
   if (!poses.empty() && (sfm || (cameras.empty() && !has_train))) {
     return InvalidInput("POSES_WITHOUT_CAMERAS", kPoses,
                         absl::StrCat(kPoses, ": the cameras of the photos must be known too, in ",
@@ -86,7 +91,7 @@ absl::StatusOr<ReconstructInput> BenchmarkScene::Input(const std::string& work_d
 }
 
 bool BenchmarkScene::HasTestViews() const {
-  return !poses.empty() || ((!light.empty() || sfm) && fs::exists(dir + kTestViews));
+  return !poses.empty() || ((!light.empty() || sfm) && IsThere(dir + kTestViews));
 }
 
 absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews() const {

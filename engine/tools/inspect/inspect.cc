@@ -110,7 +110,8 @@ std::string DescribeCounts(const PhotoScreen& screen, size_t views) {
 
 // Cameras that lie in the folder or beside it, and are not used unless they are named.
 std::string CamerasNearby(const ReconstructInput& input) {
-  const fs::path photos = fs::absolute(input.images_dir).lexically_normal();
+  std::error_code ignored;
+  const fs::path photos = fs::absolute(input.images_dir, ignored).lexically_normal();
   for (const fs::path& dir : {photos, photos.parent_path()}) {
     const std::string found = ResolveCameras(dir);
     if (found != dir.string()) return found;
@@ -297,7 +298,9 @@ absl::StatusOr<ReconstructInput> PickFramesNow(const ReconstructInput& input, in
 }
 
 ScratchFolder::ScratchFolder() {
-  std::string pattern = fs::temp_directory_path() / "litags-inspect-XXXXXX";
+  std::error_code none;  // TMPDIR may name no folder
+  const fs::path folder = fs::temp_directory_path(none);
+  std::string pattern = (none ? fs::path("/tmp") : folder) / "litags-inspect-XXXXXX";
   if (mkdtemp(pattern.data()) != nullptr) path_ = pattern;
 }
 

@@ -35,7 +35,8 @@ SheetRow PictureRow(const std::string& label, const std::vector<TestView>& views
     const std::string file = Stem(view.view.name) + ".png";
     const auto cell = [&](const std::string& folder) {
       const std::string path = absl::StrCat(folder, "/", file);
-      const bool there = !folder.empty() && std::filesystem::exists(path);
+      std::error_code ignored;
+      const bool there = !folder.empty() && std::filesystem::exists(path, ignored);
       return SheetCell{.path = there ? path : ""};
     };
     row.cells.push_back(cell(dir));

@@ -119,7 +119,9 @@ absl::Status Evaluate(const Arguments& args, const Scene& scene) {
 }
 
 bool IsBenchmark(const std::string& dir) {
-  return fs::exists(dir + "/transforms_train.json") || fs::exists(dir + "/transforms_test.json");
+  std::error_code ignored;
+  return fs::exists(dir + "/transforms_train.json", ignored) ||
+         fs::exists(dir + "/transforms_test.json", ignored);
 }
 
 // A scene in LOM's layout is no folder of photos itself: what is meant is one of those inside.
@@ -290,7 +292,8 @@ absl::Status Run(Arguments args, const CancelToken& cancel) {
   for (const std::string& note : DescribeUnused(input)) {
     PrintNote(note);
   }
-  const bool used = fs::exists(args.out + "/scene.litags");
+  std::error_code ignored;
+  const bool used = fs::exists(args.out + "/scene.litags", ignored);
   if (used) {
     std::fprintf(stderr,
                  "note: %s holds the scene of an earlier run; with other photos or options it is "
