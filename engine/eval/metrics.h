@@ -21,8 +21,8 @@ absl::StatusOr<double> Psnr(const ImageU8& a, const ImageU8& b, const PlaneU8& m
 absl::StatusOr<double> Psnr(const Planes& a, const Planes& b, const PlaneU8& mask = {});
 
 enum class SsimBorder {
-  kValid,  // only pixels whose window lies inside, as scikit-image: what papers' tables show
-  kZero,   // zero padding, all pixels, as the 3DGS loss; about 0.01 apart
+  kValid,  // only pixels whose window lies inside, as scikit-image
+  kZero,   // zero padding, all pixels, as 3DGS' loss and its metrics.py; about 0.01 apart
 };
 
 // Mean SSIM over pixels and channels: 11x11 Gaussian window, sigma 1.5, C1 = 0.01^2, C2 = 0.03^2,
