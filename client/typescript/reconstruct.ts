@@ -110,7 +110,8 @@ async function submit(jobs: Jobs, name: string, photos: string[]) {
     sent = true;
     await jobs.startJob({ name, requestId: randomUUID() });
   } catch (error) {
-    if (sent && !detailOf(error)) { // the service did not refuse it
+    // Else the service refused it: errors of servers that are away or busy have a reason, too.
+    if (sent && (!detailOf(error) || mayRetry(error))) {
       console.error(`${name} may have been started; see: litags watch ${name}`);
       throw error;
     }

@@ -9,7 +9,8 @@ import grpc
 
 import certificates
 import harness
-from litags.v1.render_service_pb2 import RenderedView  # found by harness
+from litags.v1 import errors_pb2  # found by harness
+from litags.v1.render_service_pb2 import RenderedView
 from security_test import run_server
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
@@ -17,7 +18,8 @@ SKIPPED = 77  # what CTest takes for "skipped": SKIP_RETURN_CODE
 
 
 class Lost(Exception):
-    """An answer that does not arrive; its argument is the code in its place."""
+    """An answer that does not arrive; its arguments are the code in its place, and a reason if the
+    service says so itself."""
 
 
 class Program:
@@ -38,7 +40,7 @@ class Program:
 
     def finish(self, process):
         try:
-            return process.communicate(timeout=harness.PATIENCE_S)
+            return process.communicate(timeout=5 * harness.PATIENCE_S)  # a call is tried for a minute
         finally:
             process.kill()
 
@@ -114,15 +116,18 @@ class Example(Program):
         self.assertEqual((left, self.count_jobs()), (set(), before + 1))
 
     def test_a_job_that_may_run_is_not_deleted(self):
-        def lose_start(call, answer):
-            if call == "StartJob":
-                raise Lost(grpc.StatusCode.INTERNAL)
-            return answer
+        for lost in (Lost(grpc.StatusCode.INTERNAL),
+                     Lost(grpc.StatusCode.UNAVAILABLE, "STORE_OUTCOME_UNKNOWN")):
+            def lose_start(call, answer, lost=lost):
+                if call == "StartJob":
+                    raise lost
+                return answer
 
-        before = self.count_jobs()
-        _, err = self.run_program(self.photos(), self.relay(lose_start), 20, exit_code=1)
-        self.assertRegex(err, r"jobs/\w+ may have been started")
-        self.assertEqual(self.count_jobs(), before + 1)
+            with self.subTest(lost=lost):
+                before = self.count_jobs()
+                _, err = self.run_program(self.photos(), self.relay(lose_start), 20, exit_code=1)
+                self.assertRegex(err, r"jobs/\w+ may have been started")
+                self.assertEqual(self.count_jobs(), before + 1)
 
     def count_jobs(self):
         return len(self.jobs.ListJobs(harness.rpc.ListJobsRequest(page_size=1000)).jobs)
@@ -140,7 +145,14 @@ class Example(Program):
                         for answer in forward(requests):
                             yield pass_on(details.method.rpartition("/")[2], answer)
                     except Lost as lost:
-                        context.abort(lost.args[0], "the answer is lost")
+                        code, *reasons = lost.args
+                        status = errors_pb2.RpcStatus(code=code.value[0])
+                        for reason in reasons:
+                            status.details.add().Pack(errors_pb2.ErrorDetail(reason=reason))
+                        if reasons:
+                            context.set_trailing_metadata(
+                                [("grpc-status-details-bin", status.SerializeToString())])
+                        context.abort(code, "the answer is lost")
                     except grpc.RpcError as error:
                         context.abort(error.code(), error.details())
 

@@ -198,7 +198,8 @@ func submit(jobs pb.ReconstructionServiceClient, job string, photos []string) {
 	err := uploadAll(jobs, job, photos)
 	if err == nil {
 		_, err = jobs.StartJob(ctx, &pb.StartJobRequest{Name: job, RequestId: newID()})
-		if reason, _ := detailOf(err); err != nil && reason == "" { // the service did not refuse it
+		// Else the service refused it: errors of servers that are away or busy have a reason, too.
+		if reason, _ := detailOf(err); err != nil && (reason == "" || mayRetry(err)) {
 			log.Println(job, "may have been started; see: litags watch", job)
 			must(job, err)
 		}
