@@ -40,7 +40,7 @@ const FieldDescriptor* ProtoField(const char* name) {
   return field;
 }
 
-// Enums of the proto have the engine's values plus 1; 0 is unspecified.
+// Enums of the proto have the engine's values plus 1; 0 is unspecified: the default.
 template <class T>
 absl::Status ReadField(const v1::JobOptions& proto, const char* name, T* value) {
   const FieldDescriptor* field = ProtoField(name);
@@ -55,13 +55,14 @@ absl::Status ReadField(const v1::JobOptions& proto, const char* name, T* value) 
     LITAGS_RETURN_IF_ERROR(ReadField(proto, name, &known));
     *value = known;
   } else if constexpr (std::is_enum_v<T>) {
-    const int number = reflection.GetEnumValue(proto, field);
+    int number = reflection.GetEnumValue(proto, field);
     if (field->enum_type()->FindValueByNumber(number) == nullptr) {
       return InvalidInput("OPTION_OUT_OF_RANGE", absl::StrCat("options.", name),
                           absl::StrCat("options.", name, " has the value ", number,
                                        ", which this server does not know; see job.proto"));
     }
-    if (number != 0) *value = static_cast<T>(number - 1);
+    if (number == 0) number = reflection.GetEnumValue(OptionsToProto({}), field);
+    *value = static_cast<T>(number - 1);
   } else if constexpr (std::is_same_v<T, bool>) {
     *value = reflection.GetBool(proto, field);
   } else if constexpr (std::is_same_v<T, double>) {

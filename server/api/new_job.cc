@@ -112,7 +112,7 @@ absl::Status ApplyUpdate(const v1::UpdateJobRequest& request, JobDetails* detail
   constexpr std::string_view kLabel = "labels.";
   for (const std::string& path : request.update_mask().paths()) {
     if (path == "display_name") {
-      LITAGS_RETURN_IF_ERROR(CheckDisplayName(job.display_name(), "job.display_name"));
+      LITAGS_RETURN_IF_ERROR(CheckDisplayName(job.display_name(), "display_name"));
       details->display_name = job.display_name();
     } else if (path == "labels") {
       details->labels = LabelsFromProto(job.labels());

@@ -20,6 +20,14 @@ namespace {
 
 constexpr int kMaxJobsPerBatch = 100;
 
+// The error of a field of a job, where the request has the job in `job`.
+absl::Status InJob(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  if (!detail || detail->field.empty() || detail->field == "update_mask") return status;
+  return MakeError(status.code(), detail->reason, absl::StrCat("job.", detail->field),
+                   std::string(status.message()));
+}
+
 absl::Status DeleteOne(Jobs& jobs, const std::string& name, bool allow_missing) {
   LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(name));
   const absl::Status status = jobs.Delete(id);
@@ -186,9 +194,11 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::UpdateJob(Context* context,
                                                                const v1::UpdateJobRequest* request,
                                                                v1::Job* response) {
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
-    LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->job().name()));
+    const auto id = ParseJobName(request->job().name());
+    if (!id.ok()) return InJob(id.status());
     const auto change = [&](JobDetails& details) { return ApplyUpdate(*request, &details); };
-    return Answer(*call.jobs(), call.jobs()->Update(id, request->job().etag(), change), response);
+    const auto job = call.jobs()->Update(*id, request->job().etag(), change);
+    return job.ok() ? Answer(*call.jobs(), job, response) : InJob(job.status());
   };
   return RunUnary(gate_, context, {"UpdateJob", CallKind::kChange}, pool_, response, work);
 }

@@ -303,6 +303,7 @@ absl::StatusOr<JobRecord> Jobs::Start(std::string_view id, const std::string& re
   auto job = store_->Update(id, [&](JobTransaction& transaction) -> absl::Status {
     repeated = IsRepeated(transaction.job, request_id);
     if (repeated) return absl::OkStatus();
+    LITAGS_RETURN_IF_ERROR(NextState(transaction.job.state, JobAction::kStart).status());
     LITAGS_RETURN_IF_ERROR(CheckNetwork(transaction.job, workers));
     transaction.job.start_request_id = request_id;
     return Enqueue(transaction, JobAction::kStart, "started");
@@ -319,6 +320,9 @@ absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& 
   LITAGS_ASSIGN_OR_RETURN(const Workforce workers, Workers());
   return store_->Update(id, [&](JobTransaction& job) -> absl::Status {
     if (IsRepeated(job.job, request_id)) return absl::OkStatus();
+    // Before what the change asks for, which is of no use then.
+    const JobAction action = change ? JobAction::kExtend : JobAction::kResume;
+    LITAGS_RETURN_IF_ERROR(NextState(job.job.state, action).status());
     LITAGS_RETURN_IF_ERROR(CheckNetwork(job.job, workers));
     job.job.start_request_id = request_id;
     if (!change) return Enqueue(job, JobAction::kResume, "resumed");
@@ -367,7 +371,7 @@ absl::StatusOr<JobRecord> Jobs::Update(std::string_view id, std::string_view eta
     job.priority = policy.priority;
     // The call may be the second of one whose answer was lost.
     if (!etag.empty() && etag != before && EtagOf(job) != before) {
-      return MakeError(absl::StatusCode::kAborted, "ETAG_MISMATCH", "job.etag",
+      return MakeError(absl::StatusCode::kAborted, "ETAG_MISMATCH", "etag",
                        absl::StrCat("jobs/", job.id,
                                     " was changed since it was read; read it "
                                     "again, and change that"));

@@ -64,12 +64,10 @@ Refusal RefusalOf(JobAction action) {
     case JobAction::kCancel:
       return {"JOB_ALREADY_DONE", "there is nothing to cancel"};
     case JobAction::kResume:
+    case JobAction::kExtend:
       return {"JOB_NOT_RESUMABLE",
               "only a FAILED or CANCELLED job can be resumed, and a SUCCEEDED one with more "
               "iterations"};
-    case JobAction::kExtend:
-      return {"JOB_NOT_RESUMABLE",
-              "only a SUCCEEDED, FAILED or CANCELLED job can go on for more iterations"};
     case JobAction::kRemove:
       return {"JOB_RUNNING", "cancel it before deleting it"};
     case JobAction::kLease:

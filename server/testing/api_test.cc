@@ -417,6 +417,19 @@ TEST_F(JobsApi, RunningJobIsCancelledAndResumesFromItsCheckpoint) {
   EXPECT_TRUE(client_.Delete(name).ok());
 }
 
+TEST_F(JobsApi, AResumeThatIsRepeatedIsToldTheStateOfTheJob) {
+  v1::ResumeJobRequest request;
+  request.set_name(client_.StartedJob({"a", "b", "c"}, 30));  // nobody takes it
+  ASSERT_TRUE(client_.Cancel(request.name()).ok());
+  v1::Job job;
+  ASSERT_TRUE(client_.Get(request.name(), &job).ok());
+  *request.mutable_options() = job.options();
+  request.mutable_options()->set_iterations(50);
+  const grpc::Status first = client_.Resume(request);
+  ASSERT_TRUE(first.ok()) << first.error_message();
+  EXPECT_REFUSED(client_.Resume(request), FAILED_PRECONDITION, "JOB_NOT_RESUMABLE", "name");
+}
+
 TEST_F(JobsApi, ASucceededJobIsTrainedFurther) {
   StartWorker();
   v1::ResumeJobRequest request;

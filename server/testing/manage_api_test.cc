@@ -243,6 +243,13 @@ TEST_F(ManageApi, AnUpdateTakesWhatItsMaskNames) {
   request.mutable_job()->clear_etag();
   request.mutable_job()->set_display_name("two\nlines");
   EXPECT_REFUSED(Update(request, &job), INVALID_ARGUMENT, "TEXT_INVALID", "job.display_name");
+  for (const char* path : {"labels", "policy.priority"}) {
+    (*request.mutable_job()->mutable_labels())["a"] = "no value!";
+    request.mutable_job()->mutable_policy()->set_priority(101);
+    request.mutable_update_mask()->set_paths(0, path);
+    EXPECT_EQ(DetailOf(Update(request, &job)).field,
+              std::string(path) == "labels" ? "job.labels.a" : "job.policy.priority");
+  }
 }
 
 TEST_F(ManageApi, ACloneNeedsNoPhotosAgain) {
@@ -291,6 +298,17 @@ TEST_F(ManageApi, OptionsAsTheyWereReadAreWhatTheJobHas) {
   EXPECT_EQ(clone(bright.name(), plain).options().tone(), v1::TONE_CAPTURE);
   plain.set_tone(v1::TONE_UNSPECIFIED);  // the method's again
   EXPECT_EQ(clone(bright.name(), plain).options().tone(), v1::TONE_NONE);
+  chosen.set_depth_source(v1::DEPTH_SOURCE_NONE);
+  chosen.set_white_balance(v1::WHITE_BALANCE_CAMERA);
+  const v1::Job other = clone(job.name(), chosen);
+  v1::JobOptions unspecified;  // the defaults again
+  unspecified.set_method(v1::METHOD_UNSPECIFIED);
+  unspecified.set_depth_source(v1::DEPTH_SOURCE_UNSPECIFIED);
+  unspecified.set_white_balance(v1::WHITE_BALANCE_UNSPECIFIED);
+  const v1::JobOptions reset = clone(other.name(), unspecified).options();
+  EXPECT_EQ(reset.method(), job.options().method());
+  EXPECT_EQ(reset.depth_source(), job.options().depth_source());
+  EXPECT_EQ(reset.white_balance(), job.options().white_balance());
 
   StartWorker();
   v1::ResumeJobRequest more;
