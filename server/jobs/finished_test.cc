@@ -237,6 +237,8 @@ TEST_F(FinishedTest, JobWithAFinishedSceneTakesNoOtherFiles) {
   Extend(id);
   ASSERT_TRUE(leases_.Fail(HalfWay(id), absl::InternalError("x")).ok());
   EXPECT_EQ(Reason(Add(id, "d.jpg", "d")), "JOB_NOT_UPLOADING");
+  EXPECT_EQ(Reason(jobs_.uploads().Query(id, {{"d.jpg", FileRole::kPhoto, 1, "d"}}).status()),
+            "JOB_NOT_UPLOADING");
   ExpectFinishedSceneIsThere(id, JobState::kFailed);
 }
 

@@ -59,6 +59,15 @@ std::string PartialKey(const FileRecord& file) {
   return Sha256::Hex(absl::StrCat(static_cast<int>(file.role), "/", file.sha256, "/", file.name));
 }
 
+// That the job takes files, or will: see Reopen().
+absl::Status CheckTakesFiles(const JobRecord& job) {
+  LITAGS_RETURN_IF_ERROR(NextState(job.state, JobAction::kUpload).status());
+  if (job.state != JobState::kFailed || job.report.empty()) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_UPLOADING", "name",
+                   "the job has a finished scene, which is of the files that it has; create "
+                   "a new job for others");
+}
+
 }  // namespace
 
 template <typename Rows>
@@ -76,7 +85,7 @@ double Uploads::check_seconds() const { return kTouchFraction * limits().keep_se
 
 absl::Status Uploads::Check(std::string_view id) {
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
-  LITAGS_RETURN_IF_ERROR(NextState(job.state, JobAction::kUpload).status());
+  LITAGS_RETURN_IF_ERROR(CheckTakesFiles(job));
   if (job.state != JobState::kUploading) return absl::OkStatus();  // expires as it did
   const int64_t step = static_cast<int64_t>(1000 * check_seconds());
   if (Expiry() - job.expire_time_ms < step) return absl::OkStatus();
@@ -94,11 +103,7 @@ absl::Status Uploads::Check(std::string_view id) {
 absl::Status Uploads::ReopenIn(JobTransaction& job, std::string* kept) const {
   kept->clear();
   if (job.job.state != JobState::kFailed) return absl::OkStatus();
-  if (!job.job.report.empty()) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_UPLOADING", "name",
-                     "the job has a finished scene, which is of the files that it has; create "
-                     "a new job for others");
-  }
+  LITAGS_RETURN_IF_ERROR(CheckTakesFiles(job.job));
   if (IsBeingSwept(job.job, clock_())) {
     return MakeError(absl::StatusCode::kUnavailable, "JOB_BUSY", "name",
                      "what the job's earlier uploads left is being removed; nothing was changed, "
