@@ -8,6 +8,7 @@
 #include <boost/asio/detached.hpp>
 #include <boost/asio/redirect_error.hpp>
 #include <boost/asio/ssl/stream.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/asio/use_awaitable.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
@@ -89,9 +90,12 @@ class Connection final : public Exchange {
       body.data = piece.data();
       body.size = piece.size();
       body.more = true;
-      SetDeadline(environment_->limits.silence_seconds);
-      error_code error;
-      co_await http::async_read_some(stream_, buffer_, *parser_, Into(error));
+      const auto [error, silent] = co_await ReadSome();
+      if (silent) {
+        must_close_ = true;
+        co_return MakeError(absl::StatusCode::kDeadlineExceeded, "UPLOAD_STALLED", "body",
+                            "the body stopped coming; send the rest");
+      }
       if (error && error != http::error::need_buffer) co_return BodyError(error);
       size = piece.size() - body.size;
     }
@@ -241,6 +245,7 @@ class Connection final : public Exchange {
   asio::awaitable<void> RefuseHead(error_code error) {
     if (error == http::error::end_of_stream || error == http::error::partial_message) co_return;
     must_close_ = true;
+    head_.request_id = RequestIdOf("");
     const bool large = error == http::error::header_limit;
     Answer refused =
         Failure(InvalidInput(large ? "HEADERS_TOO_LARGE" : "REQUEST_UNREADABLE", "",
@@ -250,13 +255,24 @@ class Connection final : public Exchange {
     co_await Send(std::move(refused));
   }
 
+  // Some of the body, and whether the client was silent for too long. A deadline of the stream
+  // would close it, and the client got no answer.
+  asio::awaitable<std::pair<error_code, bool>> ReadSome() {
+    Lowest().expires_never();
+    asio::steady_timer timer(stream_.get_executor(), Ms(environment_->limits.silence_seconds));
+    const auto read = std::make_shared<beast::tcp_stream*>(&Lowest());  // null: over, or cancelled
+    timer.async_wait([read](error_code error) {
+      if (!error && *read) std::exchange(*read, nullptr)->cancel();
+    });
+    error_code error;
+    co_await http::async_read_some(stream_, buffer_, *parser_, Into(error));
+    const bool silent = !std::exchange(*read, nullptr) && error;
+    co_return std::pair(error, silent);
+  }
+
   absl::Status BodyError(error_code error) {
     must_close_ = true;
     failed_ = error.category() != HttpErrors();
-    if (error == beast::error::timeout) {
-      return MakeError(absl::StatusCode::kDeadlineExceeded, "UPLOAD_STALLED", "body",
-                       "the body stopped coming; send the rest");
-    }
     return InvalidInput("REQUEST_UNREADABLE", "body",
                         absl::StrCat("the body broke off: ", error.message()));
   }
