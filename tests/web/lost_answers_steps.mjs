@@ -176,10 +176,28 @@ await step("leaving during an upload ends it", async () => {
   await page.waitForTimeout(500);  // what would follow is sent at once
   page.off("request", listen);
   assert.deepEqual(sent, []);
-  assert.equal(await page.evaluate(async () => {
+  const {name, state} = await page.evaluate(async () => {
     const {jobs} = await (await fetch("/v1/jobs?pageSize=1000")).json();
-    return jobs.find((job) => job.displayName === "Left").state;
-  }), "JOB_STATE_UPLOADING");
+    return jobs.find((job) => job.displayName === "Left");
+  });
+  assert.equal(state, "JOB_STATE_UPLOADING");
+  // Its page knows how many were to come, and asks before a start without them.
+  await page.goto(`${url}/#/${name}`);
+  await page.getByText("0 of 3 photos have come").waitFor();
+  const started = [], starts = (request) => { if (/:start$/.test(request.url())) started.push(request.url()); };
+  page.on("request", starts);
+  for (const answer of ["dismiss", "accept"]) {
+    const asked = page.waitForEvent("dialog").then(async (dialog) => {
+      assert.equal(dialog.message(), "0 of 3 photos have come. Start without the others?");
+      assert.deepEqual(started, []);
+      await dialog[answer]();
+    });
+    await page.getByRole("button", {name: "Start", exact: true}).click();
+    await asked;
+  }
+  await said(/photos/);
+  assert.equal(started.length, 1);
+  page.off("request", starts);
 });
 
 await step("answers that come after leaving change nothing", async () => {

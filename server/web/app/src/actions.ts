@@ -3,7 +3,7 @@
 import {call, newId, post, type ApiError, type Job} from "./api.js";
 import {el, labelled, notice, select} from "./dom.js";
 import {downloadLink} from "./download.js";
-import {idOf, isOver, kTitleBytes, prefixOf, titleOf} from "./format.js";
+import {idOf, isOver, kTitleBytes, photosAwaited, prefixOf, titleOf} from "./format.js";
 
 // Formats of ExportModel, with how their files end.
 const kFormats: [format: string, text: string, ending: string][] = [
@@ -40,7 +40,11 @@ export function actions(refresh: () => void): Part {
   // Unless the user has gone elsewhere meanwhile.
   const go = (hash: string): void => { if (element.isConnected) location.hash = hash; };
   let queueId = newId();  // of Start or Resume as the job stands: another click is the same call
-  const start = button("Start", (j) => post(`/v1/${j.name}:start`, {requestId: queueId}), "primary");
+  const start = button("Start", async (j) => {
+    const few = photosAwaited(j);
+    if (few && !window.confirm(`${few}. Start without the others?`)) return;
+    await post(`/v1/${j.name}:start`, {requestId: queueId});
+  }, "primary");
   const cancel = button("Cancel", (j) => post(`/v1/${j.name}:cancel`));
   const resume = button("Resume", (j) => post(`/v1/${j.name}:resume`, {requestId: queueId}), "primary");
   let cloneId = newId();  // kept until it is answered: another click is the same call

@@ -34,6 +34,7 @@ export interface Job {
   state: string;
   cancelRequested?: boolean;
   options?: Options;
+  labels?: Record<string, string>;
   photos?: number;
   createTime?: string;
   startTime?: string;

@@ -74,6 +74,15 @@ export function shareDone(progress?: Progress): number {
   return (progress.iteration ?? 0) / progress.iterations;
 }
 
+// The label with how many photos a page has to send to its job.
+export const kPhotosChosen = "photos_chosen";
+
+// "120 of 200 photos have come", of a job whose upload goes on or was cut; or nothing.
+export function photosAwaited({state, photos = 0, labels}: Job): string {
+  const chosen = Number(labels?.[kPhotosChosen]);
+  return state === "JOB_STATE_UPLOADING" && photos < chosen ? `${photos} of ${chosen} photos have come` : "";
+}
+
 // One line on how a job stands.
 export function standing(job: Job): string {
   const progress = job.progress;
@@ -92,5 +101,5 @@ export function standing(job: Job): string {
     return `${job.report.registered ?? 0} of ${job.report.photos ?? 0} photos placed, ` +
         `${Number(job.report.gaussians ?? 0).toLocaleString("en")} Gaussians`;
   }
-  return job.photos ? `${job.photos} photos` : "";  // of a video there are none yet
+  return photosAwaited(job) || (job.photos ? `${job.photos} photos` : "");  // of a video there are none yet
 }

@@ -2,7 +2,7 @@
 
 import {ApiError, call, get, newId, post, type Job, type Options, type ServerInfo} from "./api.js";
 import {el, labelled, notice, select} from "./dom.js";
-import {asTitle, bytesText, idOf, optionHint, optionName} from "./format.js";
+import {asTitle, bytesText, idOf, kPhotosChosen, optionHint, optionName} from "./format.js";
 import {choose, dropped, leftOutOf, persistently, send, type Chosen, type Missing} from "./upload.js";
 import type {View} from "./view.js";
 
@@ -127,6 +127,10 @@ function troubleOf(chosen: Chosen[]): string {
   return videos > 1 || (videos === 1 && photos)
     ? "A job takes one video, or photos: remove the files and choose again." : sameNames(chosen);
 }
+
+// How many photos a job of these will have, unless that depends on what is in them.
+const labelsOf = (chosen: Chosen[]): Record<string, string> => chosen.some((c) => /ARCHIVE|VIDEO/.test(c.role))
+  ? {} : {[kPhotosChosen]: String(chosen.filter((c) => c.role === "FILE_ROLE_PHOTO").length)};
 
 // "3 photos, 1 mask".
 function countsOf(chosen: Chosen[]): string {
@@ -281,7 +285,8 @@ export function submitView(): View {
   const submit = (start: boolean): void => {
     if (!options || !valid(element)) return;
     const chosen = files.chosen();
-    const wanted = {displayName: asTitle(title.value) || files.name(), options: options.read()};
+    const wanted = {displayName: asTitle(title.value) || files.name(), options: options.read(),
+                    labels: labelsOf(chosen)};
     const form = JSON.stringify([wanted, chosen.map(idOfFile)]);
     if (begun && begun.form !== form) replaced.push(begun);
     const own = begun = begun?.form === form ? begun : {form, createId: newId(), startId: newId()};
