@@ -309,7 +309,7 @@ TEST(PhotoScreen, MasksThatTheCamerasNameAreUsed) {
   ASSERT_TRUE(WriteFileAtomically(input.cameras_path, json).ok());
   fs::create_directory(capture.Path("m"));
   PlaneU8 mask(kW, kH);
-  mask.data[5] = 255;
+  std::fill_n(mask.data.begin(), mask.data.size() / 2, kCounts);
   const auto png = EncodeMask(mask);
   ASSERT_TRUE(png.ok());
   ASSERT_TRUE(WriteFileAtomically(capture.Path("m/a.png"), *png).ok());
@@ -328,7 +328,7 @@ TEST(PhotoScreen, MasksThatTheCamerasNameMayLieAmongOtherMasks) {
   input.masks_dir = capture.Path("masks");
   fs::create_directory(input.masks_dir);
   PlaneU8 mask(kW, kH);
-  std::fill_n(mask.data.begin(), mask.data.size() / 2, kCounts);
+  mask.data[5] = 255;
   const auto png = EncodeMask(mask);
   ASSERT_TRUE(png.ok());
   for (const char* name : {"m1.png", "m2.png", "v002.png", "left_out.png"}) {
@@ -353,26 +353,6 @@ TEST(PhotoScreen, MasksThatTheCamerasNameMayLieAmongOtherMasks) {
   EXPECT_EQ(Reason(ListPhotosAndMasks(input).status()), "MASK_WITHOUT_PHOTO");
 }
 
-TEST(PhotoScreen, MasksBesideThePhotosAreNoPhotos) {
-  const RoomCapture capture(4);
-  ImageU8 moving(kW, kH);
-  std::fill_n(moving.pixel(3, 3), 3, 255);
-  ASSERT_TRUE(WritePng(capture.Path("images/dynamic_mask_v000.png"), moving).ok());
-  std::fill(moving.data.begin(), moving.data.end(), 255);
-  std::fill_n(moving.pixel(8, 8), 3, 0);
-  ASSERT_TRUE(WritePng(capture.Path("images/v001_mask.png"), moving).ok());
-  const auto screen = Screen(capture.Input("work"));
-  ASSERT_TRUE(screen.ok()) << screen.status();
-  EXPECT_EQ(screen->photos.size(), 4u);
-  EXPECT_THAT(screen->left_out, IsEmpty());
-  EXPECT_THAT(screen->notes, ElementsAre(HasSubstr("2 files among the photos, such as v001_mask")));
-  for (const int i : {0, 1}) {
-    const std::string name = RoomCapture::Name(i);
-    const auto read = ReadMaskedPhoto(capture.Path("images/" + name), name, screen->masks.at(name));
-    ASSERT_TRUE(read.ok()) << read.status();
-    EXPECT_EQ(std::count(read->mask.data.begin(), read->mask.data.end(), 0), 1) << name;
-  }
-}
 TEST(PhotoScreen, MasksThatTheCamerasNameLieBesideAFileNamedWithoutItsFolder) {
   const RoomCapture capture(4);
   ReconstructInput input = capture.Input("work");
@@ -411,6 +391,26 @@ TEST(PhotoScreen, MasksThatTheCamerasNameAreOfTheirOwnPhotosOnly) {
   EXPECT_THAT(list->notes, ElementsAre(HasSubstr("1 mask is that that the cameras' file")));
 }
 
+TEST(PhotoScreen, MasksBesideThePhotosAreNoPhotos) {
+  const RoomCapture capture(4);
+  ImageU8 moving(kW, kH);
+  std::fill_n(moving.pixel(3, 3), 3, 255);
+  ASSERT_TRUE(WritePng(capture.Path("images/dynamic_mask_v000.png"), moving).ok());
+  std::fill(moving.data.begin(), moving.data.end(), 255);
+  std::fill_n(moving.pixel(8, 8), 3, 0);
+  ASSERT_TRUE(WritePng(capture.Path("images/v001_mask.png"), moving).ok());
+  const auto screen = Screen(capture.Input("work"));
+  ASSERT_TRUE(screen.ok()) << screen.status();
+  EXPECT_EQ(screen->photos.size(), 4u);
+  EXPECT_THAT(screen->left_out, IsEmpty());
+  EXPECT_THAT(screen->notes, ElementsAre(HasSubstr("2 files among the photos, such as v001_mask")));
+  for (const int i : {0, 1}) {
+    const std::string name = RoomCapture::Name(i);
+    const auto read = ReadMaskedPhoto(capture.Path("images/" + name), name, screen->masks.at(name));
+    ASSERT_TRUE(read.ok()) << read.status();
+    EXPECT_EQ(std::count(read->mask.data.begin(), read->mask.data.end(), 0), 1) << name;
+  }
+}
 
 TEST(PhotoScreen, TheSamePhotoTwiceIsLearntOnce) {
   const RoomCapture capture(6);
