@@ -109,13 +109,13 @@ class BadUploads(harness.ServiceTest):
 
     def test_times_that_are_too_long(self):
         job, photos = self.finished_job(), self.photos()
-        for command, field in ((("submit", photos, "--max-run-seconds", "1e300"), "max_run_time"),
-                               (("submit", photos, "--keep-seconds", "1e12"), "retention"),
-                               (("clone", job, "--max-run-seconds", "1e12"), "max_run_time"),
-                               (("update", job, "--keep-seconds", "4e11"), "retention")):
+        for command, field in ((("submit", photos, "--max-run-seconds", "1e300"), "policy.max_run_time"),
+                               (("submit", photos, "--keep-seconds", "1e12"), "policy.retention"),
+                               (("clone", job, "--max-run-seconds", "1e12"), "policy.max_run_time"),
+                               (("update", job, "--keep-seconds", "4e11"), "job.policy.retention")):
             with self.subTest(command):
                 _, err = self.litags(*command, exit_code=2)
-                self.assertIn(f"field:  policy.{field}\n", err)
+                self.assertIn(f"field:  {field}\n", err)
                 self.assertIn("up to 1e9 s", err)
 
     def test_a_clone_that_cannot_start_is_removed(self):
