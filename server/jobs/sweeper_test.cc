@@ -44,6 +44,17 @@ class SweeperTest : public ::testing::Test {
                                 path);
   }
 
+  // A job that failed with three files, whose first had replaced the bytes "a.jpg". Its lease.
+  Lease FailedJob(Leases& leases) {
+    const std::string id = jobs_->Create({})->id;
+    for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) EXPECT_TRUE(Add(id, name, name).ok());
+    EXPECT_TRUE(Add(id, "a.jpg", "other").ok());
+    EXPECT_TRUE(jobs_->Start(id).ok());
+    const Lease lease = **leases.Acquire("w");
+    EXPECT_TRUE(leases.Fail(lease, absl::InternalError("x")).ok());
+    return lease;
+  }
+
   bool HasBlob(const std::string& id, const std::string& bytes) {
     return blobs_->Get(BlobKey(id, Sha256::Hex(bytes))).ok();
   }
@@ -187,11 +198,7 @@ TEST_F(SweeperTest, UploadedBlobsAreRemovedOutsideOfTransactionsAndNoFileLosesIt
   Jobs jobs(store_.get(), &blobs, data_, clock_);
   Sweeper sweeper(store_.get(), &blobs, &jobs.uploads(), data_, clock_);
   Leases leases(store_.get(), &blobs, {}, clock_);
-  const std::string id = jobs_->Create({})->id;
-  for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) ASSERT_TRUE(Add(id, name, name).ok());
-  ASSERT_TRUE(Add(id, "a.jpg", "other").ok());  // replaces "a.jpg"
-  ASSERT_TRUE(jobs.Start(id).ok());
-  ASSERT_TRUE(leases.Fail(**leases.Acquire("w"), absl::InternalError("x")).ok());
+  const std::string id = FailedJob(leases).job.id;
 
   int removals = 0;
   blobs.on_remove = [&] {
@@ -223,12 +230,8 @@ TEST_F(SweeperTest, BlobsThatComeWhileASweepRemovesOthersAreRemovedByTheNext) {
   Jobs jobs(store_.get(), &blobs, data_, clock_);
   Sweeper sweeper(store_.get(), &blobs, &jobs.uploads(), data_, clock_);
   Leases leases(store_.get(), &blobs, {}, clock_);
-  const std::string id = jobs_->Create({})->id;
-  for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) ASSERT_TRUE(Add(id, name, name).ok());
-  ASSERT_TRUE(Add(id, "a.jpg", "other").ok());  // replaces "a.jpg"
-  ASSERT_TRUE(jobs.Start(id).ok());
-  const Lease lease = **leases.Acquire("w");
-  ASSERT_TRUE(leases.Fail(lease, absl::InternalError("x")).ok());
+  const Lease lease = FailedJob(leases);
+  const std::string& id = lease.job.id;
 
   // A worker that finds out only now that it has no lease any more.
   const std::string late = BlobKey(id, LeaseBlob(lease.job.last_event, Sha256::Hex("scene")));
