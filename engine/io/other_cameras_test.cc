@@ -467,6 +467,20 @@ TEST(OtherCameras, FilesOfOtherProgramsAreRefusedByName) {
   }
 }
 
+TEST(OtherCameras, NumbersOfNoPictureAreRefused) {
+  for (const auto& [file, reason] : std::vector<std::pair<std::string, std::string>>{
+           {absl::StrReplaceAll(OpenMvg("pinhole", ""), {{"[77.5,", "[177.5,"}}),
+            "BAD_PRINCIPAL_POINT"},
+           {Meshroom(R"("1", "0", "0")", R"("pxFocalLength": "7", "principalPoint":
+                     ["77.5", "60.5"], "type": "pinhole")"),
+            "BAD_FOCAL_LENGTH"},
+           {Metashape("frame", "<f>100</f><cx>-90</cx>"), "BAD_PRINCIPAL_POINT"}}) {
+    const absl::Status status = Parse(file).status();
+    EXPECT_EQ(Reason(status), reason) << status;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("cameras[a.jpg]"));
+  }
+}
+
 TEST(OtherCameras, BoundlessFilesAreRefused) {
   std::string deep = R"({"sfm_data_version": "0.3", "views": )";
   for (int i = 0; i < 100; ++i) deep += "[";
