@@ -1,12 +1,12 @@
 #include "engine/depth/depth_network.h"
 
-#include <cmath>
 #include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/error.h"
+#include "engine/onnx/onnx_net.h"
 
 namespace litags {
 namespace {
@@ -17,19 +17,10 @@ bool ParseSize(const std::string& text, DepthNetwork* network) {
          absl::SimpleAtoi(sides[1], &network->height) && network->width > 0 && network->height > 0;
 }
 
-bool ParseTriple(const std::string& text, std::array<double, 3>* triple) {
-  const std::vector<std::string> parts = absl::StrSplit(text, ':');
-  if (parts.size() != 3) return false;
-  for (int c = 0; c < 3; ++c) {
-    if (!absl::SimpleAtod(parts[c], &(*triple)[c]) || !std::isfinite((*triple)[c])) return false;
-  }
-  return true;
-}
-
 bool ParseSetting(const std::string& name, const std::string& value, DepthNetwork* network) {
   if (name == "size") return ParseSize(value, network);
-  if (name == "mean") return ParseTriple(value, &network->mean);
-  if (name == "std") return ParseTriple(value, &network->std);
+  if (name == "mean") return ParsePerChannel(value, &network->mean);
+  if (name == "std") return ParsePerChannel(value, &network->std);
   if (name != "output" || (value != "inverse" && value != "depth")) return false;
   network->inverse = value == "inverse";
   return true;

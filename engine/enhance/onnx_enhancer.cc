@@ -21,15 +21,6 @@ absl::Status Bad(const std::string& text, const std::string& rule) {
   return InvalidInput("BAD_ENHANCER", kField, absl::StrCat(kField, " ", text, ": ", rule));
 }
 
-bool ParseTriple(absl::string_view text, std::array<double, 3>* out) {
-  const std::vector<absl::string_view> parts = absl::StrSplit(text, ':');
-  if (parts.size() != 3) return false;
-  for (int c = 0; c < 3; ++c) {
-    if (!absl::SimpleAtod(parts[c], &(*out)[c])) return false;
-  }
-  return true;
-}
-
 bool ParseSize(absl::string_view text, OnnxPhotoOptions* out) {
   const std::pair<absl::string_view, absl::string_view> sides = absl::StrSplit(text, 'x');
   return absl::SimpleAtoi(sides.first, &out->width) && absl::SimpleAtoi(sides.second, &out->height);
@@ -42,8 +33,8 @@ bool ParsePart(absl::string_view part, OnnxEnhancerOptions* out) {
   const auto& [key, value] = pair;
   if (key == "size") return ParseSize(value, &out->input);
   if (key == "multiple") return absl::SimpleAtoi(value, &out->input.multiple);
-  if (key == "mean") return ParseTriple(value, &out->input.mean);
-  if (key == "std") return ParseTriple(value, &out->input.std);
+  if (key == "mean") return ParsePerChannel(std::string(value), &out->input.mean);
+  if (key == "std") return ParsePerChannel(std::string(value), &out->input.std);
   if (key == "white") return absl::SimpleAtod(value, &out->scale);
   if (key == "output") out->output = std::string(value);
   return key == "output" && !value.empty();

@@ -135,9 +135,9 @@ TEST(ParseOnnxEnhancer, SettingsAreReadAndNonsenseIsNamed) {
   EXPECT_EQ(options->input.height, 400);
   EXPECT_EQ(options->input.multiple, 4);
   EXPECT_EQ(options->output, "enh");
-  for (const char* bad :
-       {"b.onnx", "=b.onnx", "a=", "../a=b.onnx", "a+b=c.onnx", "a=b,size=6", "a=b,mean=1:2",
-        "a=b,std=1:0:1", "a=b,white=0", "a=b,multiple=x", "a=b,shape=3", "a=b,size=-1x4"}) {
+  for (const char* bad : {"b.onnx", "=b.onnx", "a=", "../a=b.onnx", "a+b=c.onnx", "a=b,size=6",
+                          "a=b,mean=1:2", "a=b,mean=1:nan:2", "a=b,std=1:0:1", "a=b,white=0",
+                          "a=b,multiple=x", "a=b,shape=3", "a=b,size=-1x4"}) {
     EXPECT_FALSE(ParseOnnxEnhancer(bad).ok()) << bad;
   }
 }

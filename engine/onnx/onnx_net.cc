@@ -6,7 +6,9 @@
 #include <opencv2/dnn.hpp>
 #include <utility>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -99,6 +101,15 @@ absl::StatusOr<Planes> OnnxNet::Run(const std::vector<OnnxInput>& inputs,
                absl::StrCat("cannot be run (", FirstLine(e),
                             "); check the names and sizes of its inputs"));
   }
+}
+
+bool ParsePerChannel(const std::string& text, std::array<double, 3>* values) {
+  const std::vector<std::string> parts = absl::StrSplit(text, ':');
+  if (parts.size() != 3) return false;
+  for (size_t c = 0; c < 3; ++c) {
+    if (!absl::SimpleAtod(parts[c], &(*values)[c]) || !std::isfinite((*values)[c])) return false;
+  }
+  return true;
 }
 
 absl::Status OnnxPhotoOptions::Validate(std::string_view field) const {

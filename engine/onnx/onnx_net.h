@@ -54,6 +54,9 @@ struct OnnxPhotoOptions {
   absl::Status Validate(std::string_view field) const;
 };
 
+// A number per channel as in options, "R:G:B"; false if it is not three finite numbers.
+bool ParsePerChannel(const std::string& text, std::array<double, 3>* values);
+
 // [3, H, W], by area averaging where it shrinks and bilinearly where it grows.
 Planes OnnxPhoto(const ImageU8& photo, const OnnxPhotoOptions& options);
 

@@ -1,13 +1,8 @@
 #include "server/api/token_watch.h"
 
-#include <chrono>
+#include "server/auth/file_stamp.h"
 
 namespace litags {
-namespace {
-
-constexpr std::chrono::seconds kLookInterval{1};  // the authenticator looks no more often
-
-}  // namespace
 
 TokenWatch::TokenWatch(Authenticator* authenticator)
     : authenticator_(authenticator), thread_([this] { Loop(); }) {}

@@ -13,7 +13,6 @@
 namespace litags {
 namespace {
 
-constexpr std::chrono::seconds kLookInterval{1};
 constexpr size_t kMaxTokensBytes = 4 << 20;
 constexpr size_t kMaxAuthorizationLength = 512;
 

@@ -3,10 +3,14 @@
 
 #include <sys/stat.h>
 
+#include <chrono>
 #include <cstdint>
 #include <string>
 
 namespace litags {
+
+// Files that may change while the server runs are looked at no more often.
+inline constexpr std::chrono::seconds kLookInterval{1};
 
 // Tells whether a file is another one than before, without reading it. Follows links.
 struct FileStamp {

@@ -23,7 +23,6 @@ namespace litags {
 namespace {
 
 constexpr size_t kMaxPemBytes = 4 << 20;
-constexpr std::chrono::seconds kLookInterval{1};
 
 template <auto Free>
 struct Freer {
