@@ -112,6 +112,20 @@ TEST(OddCaptures, BlackAndClippedPhotosAreLeftOutByName) {
               Contains("v005.png is left out: it is of one colour, (255, 255, 255)"));
 }
 
+TEST(OddCaptures, AThumbnailIsLeftOutByName) {
+  RoomCapture capture(8);
+  capture.SetPhoto(3, ResizeArea(capture.Photo(3, Light::kLow), 3, 2));
+  Camera& camera = capture.model.views[3].camera;
+  camera.width = 3;
+  camera.height = 2;
+  camera.fx = camera.fy = camera.fx * 3 / RoomCapture::kWidth;
+  camera.cx = 1.5;
+  camera.cy = 1;
+  const auto report = Train(capture.Input("work"), capture.Options(40));
+  ExpectGoodScene(report, 7);
+  EXPECT_THAT(report->notes, Contains("v003.png is left out: it is only 3x2 px in size"));
+}
+
 // Dust on a lens cap, noise of a white wall.
 TEST(OddCaptures, AlmostFlatPhotosAreLeftOutAndTexturelessOnesSpoilNothing) {
   const RoomCapture capture(10);

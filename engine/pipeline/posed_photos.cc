@@ -24,11 +24,13 @@
 #include "engine/pipeline/fingerprint.h"
 #include "engine/pipeline/local_origin.h"
 #include "engine/pipeline/memory_estimate.h"
+#include "engine/pipeline/photo_look.h"
 #include "engine/pipeline/photo_place.h"
 #include "engine/pipeline/photo_progress.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/wide_photos.h"
 #include "engine/pipeline/wide_views.h"
+#include "engine/prior/structure_prior.h"
 #include "engine/target/noise_floor.h"
 #include "engine/target/shadow_color.h"
 #include "engine/target/tone.h"
@@ -88,13 +90,13 @@ struct OnePhoto {
   View view;
   Photo photo;
   PlaneU8 mask;
-  std::string source;                          // as PosedPhotos has it
-  PhotoDarkness darkness;                      // as the camera wrote it
-  NoiseLevels written, resized;                // as the camera wrote it; at the size of training
-  double stated_exposure = 0;                  // as StatedExposure has it
-  double code_step = 1;                        // as CodeStep has it
-  bool rim_masked = false;                     // the pinhole picture shows more than the photo
-  std::optional<std::array<uint8_t, 3>> flat;  // the colour of all its pixels, if they have one
+  std::string source;            // as PosedPhotos has it
+  PhotoDarkness darkness;        // as the camera wrote it
+  NoiseLevels written, resized;  // as the camera wrote it; at the size of training
+  double stated_exposure = 0;    // as StatedExposure has it
+  double code_step = 1;          // as CodeStep has it
+  bool rim_masked = false;       // the pinhole picture shows more than the photo
+  std::string no_use;            // why it is left out: "it ..."; else empty
 };
 
 // By EXIF, in a unit of its own; 0: not said.
@@ -180,7 +182,7 @@ absl::Status CheckMask(const OnePhoto& v, const std::string& mask_path) {
                                    "leave the photo out"));
 }
 
-// The photos of the model's views, at the size of training; flat ones as they are.
+// The photos of the model's views, at the size of training; those of no use may be as they were.
 absl::StatusOr<std::vector<OnePhoto>> LoadPhotos(const Context& context, const MaskPaths& masks,
                                                  const SparseModel& model) {
   const ReconstructInput& input = context.input;
@@ -204,8 +206,10 @@ absl::StatusOr<std::vector<OnePhoto>> LoadPhotos(const Context& context, const M
       const std::string mask_path = MaskPathOf(masks, v.view.name);
       LITAGS_RETURN_IF_ERROR(LoadPhoto(input, masks, model.distortions[i], &v));
       LITAGS_RETURN_IF_ERROR(CheckMask(v, mask_path));
-      v.flat = FlatColor(v.photo, v.mask);
-      if (v.flat.has_value()) return absl::OkStatus();
+      if (const auto flat = FlatColor(v.photo, v.mask); flat.has_value()) {
+        v.no_use = DescribeFlat(*flat);
+        return absl::OkStatus();
+      }
       const double shrunk = Shrink(options.max_image_side, &v);
       v.resized = NoiseLevels(v.photo, v.mask);
       bool black = IsBlack(v.photo, v.mask, context.recipe.tone.rule);
@@ -213,7 +217,12 @@ absl::StatusOr<std::vector<OnePhoto>> LoadPhotos(const Context& context, const M
         v.photo = shadows->Infer(v.photo, v.mask, shrunk);
         black = black || IsBlack(v.photo, v.mask, context.recipe.tone.rule);
       }
-      if (black) v.flat = {0, 0, 0};
+      const int width = v.photo.width, height = v.photo.height;
+      if (black) {
+        v.no_use = DescribeFlat({0, 0, 0});
+      } else if (std::min(width, height) < LeastPriorSide(width, height)) {
+        v.no_use = absl::StrCat("is only ", width, "x", height, " px in size");
+      }
       return CheckMask(v, mask_path);
     }();
     loaded.Done(thread);
@@ -229,9 +238,8 @@ void TakePhotos(const Context& context, std::vector<OnePhoto> photos, PosedPhoto
   std::vector<PhotoDarkness> darkness;
   NoiseLevels written, resized;
   for (size_t i = 0; i < photos.size(); ++i) {
-    if (photos[i].flat.has_value()) {
-      context.Note(
-          absl::StrCat(photos[i].view.name, " is left out: it ", DescribeFlat(*photos[i].flat)));
+    if (!photos[i].no_use.empty()) {
+      context.Note(absl::StrCat(photos[i].view.name, " is left out: it ", photos[i].no_use));
       context.report->dropped.push_back(photos[i].view.name);
       --context.report->registered;
       continue;

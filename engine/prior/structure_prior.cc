@@ -31,10 +31,12 @@ struct Kernels {
   std::vector<float> derivative;  // correlated: positive where the image grows
 };
 
+int KernelRadius(double sigma) { return static_cast<int>(std::ceil(3 * sigma + 0.5)); }
+
 // LITA-GS Eq. 7: f and its derivative.
 Kernels MakeKernels(double sigma) {
   Kernels kernels;
-  kernels.radius = static_cast<int>(std::ceil(3 * sigma + 0.5));
+  kernels.radius = KernelRadius(sigma);
   std::vector<double> g;
   double sum = 0;
   for (int i = -kernels.radius; i <= kernels.radius; ++i) {
@@ -134,6 +136,8 @@ double PercentileAbove0(const std::vector<uint64_t>& counts, double percentile) 
 }  // namespace
 
 double PriorSigma(int width, int height) { return std::max(0.5, std::max(width, height) / 500.0); }
+
+int LeastPriorSide(int width, int height) { return KernelRadius(PriorSigma(width, height)) + 1; }
 
 absl::StatusOr<Planes> StructurePrior(const Planes& rgb, double sigma_px, double floor) {
   const Kernels kernels = MakeKernels(sigma_px);
