@@ -118,19 +118,10 @@ absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view
                                      "transforms.json"));
   }
   if (IsBundler(text)) return ParseBundler(text, field, sizes);
-  const bool is_xml = IsXml(text), is_open_mvg = IsOpenMvg(text);
-  if (!is_xml && !is_open_mvg && !IsMeshroom(text)) {
-    return ParseTransforms(text, field, sizes, panoramas);
-  }
-  LITAGS_ASSIGN_OR_RETURN(SparseModel model, is_xml        ? ParseMetashape(text, field, panoramas)
-                                             : is_open_mvg ? ParseOpenMvg(text, field, panoramas)
-                                                           : ParseMeshroom(text, field));
-  for (const View& view : model.views) {
-    if (panoramas != nullptr && panoramas->contains(view.name)) continue;
-    LITAGS_RETURN_IF_ERROR(
-        CheckIntrinsics(view.camera, absl::StrCat(Absl(field), "[", view.name, "]")));
-  }
-  return model;
+  if (IsXml(text)) return ParseMetashape(text, field, panoramas);
+  if (IsOpenMvg(text)) return ParseOpenMvg(text, field, panoramas);
+  if (IsMeshroom(text)) return ParseMeshroom(text, field);
+  return ParseTransforms(text, field, sizes, panoramas);
 }
 
 absl::Status CheckCameras(std::string_view text, std::string_view field) {

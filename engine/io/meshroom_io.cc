@@ -95,6 +95,7 @@ absl::StatusOr<LoadedView> ReadLens(const Json& entry, const Version& version,
     return Bad(where, "it lacks width, height or principalPoint");
   }
   LITAGS_RETURN_IF_ERROR(SetSize(width, height, where, &lens.view.camera));
+  lens.has_size = true;
   if (!ReadFocals(entry, version, &lens.view.camera))
     return Bad(where, "it lacks its focal length");
   // Since 1.2.1 it counts from the middle.

@@ -373,6 +373,7 @@ absl::StatusOr<SparseModel> ParseMetashape(std::string_view xml, std::string_vie
     }
     LoadedView loaded;
     loaded.view.name = from.label;
+    loaded.has_size = true;
     LITAGS_RETURN_IF_ERROR(ReadLens(sensor->second, where, &loaded));
     LITAGS_RETURN_IF_ERROR(ReadPose(from, to, where, &loaded.view.camera));
     views.push_back(std::move(loaded));

@@ -70,6 +70,9 @@ absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::stri
     LITAGS_RETURN_IF_ERROR(ValidateFileName(name, field));
     const std::string where = absl::StrCat(Absl(field), "[", name, "]");
     LITAGS_RETURN_IF_ERROR(Validate(loaded.view.camera, where));
+    if (loaded.has_size && !loaded.panorama) {
+      LITAGS_RETURN_IF_ERROR(CheckIntrinsics(loaded.view.camera, where));
+    }
     const Distortion& d = loaded.distortion;
     if (!d.IsFinite()) {
       return InvalidField("NOT_FINITE", where,

@@ -20,13 +20,14 @@ struct LoadedView {
   Distortion distortion;
   size_t source_id = 0;
   bool panorama = false;
+  bool has_size = false;  // by the file, not by its photo: the camera's numbers must fit it
 };
 
-// Checks every camera, name and coefficient, names views as their photos, sorts by name and refuses
-// double paths. Photos of one name in several folders have these in their names, as NameIndex has
-// it. `order`, if
-// not null, receives the source ids in the order of the model's views; `panoramas`, if not null,
-// the names of panoramas, which are refused otherwise.
+// Checks every camera (has_size: CheckIntrinsics, too), name and coefficient, names views as their
+// photos, sorts by name and refuses double paths. Photos of one name in several folders have these
+// in their names, as NameIndex has it. `order`, if not null, receives the source ids in the order
+// of the model's views; `panoramas`, if not null, the names of panoramas, which are refused
+// otherwise.
 absl::StatusOr<SparseModel> FinishModel(std::vector<LoadedView> views, std::string_view field,
                                         std::vector<size_t>* order,
                                         PanoramaNames* panoramas = nullptr);

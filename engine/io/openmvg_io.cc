@@ -101,6 +101,7 @@ absl::StatusOr<std::map<std::string, LoadedView>> ReadLenses(const Json& list,
       return Bad(where, "it lacks its type, width, height, focal_length or principal_point");
     }
     LITAGS_RETURN_IF_ERROR(SetSize(width, height, where, &lens.view.camera));
+    lens.has_size = true;
     lens.view.camera.fy = lens.view.camera.fx;
     lens.view.camera.cx = center[0] + 0.5;
     lens.view.camera.cy = center[1] + 0.5;

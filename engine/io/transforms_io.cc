@@ -356,12 +356,10 @@ absl::StatusOr<LoadedView> ReadFrame(const Json& frame, const Json& top, const s
   loaded.view.name = path->get<std::string>();
   const Keys keys(frame, top, where);
   loaded.panorama = IsPanorama(keys);
-  const bool sized = keys.Find("w") != nullptr && keys.Find("h") != nullptr;
-  const PhotoSize size = sized ? PhotoSize() : sizes(loaded.view.name);
+  loaded.has_size = keys.Find("w") != nullptr && keys.Find("h") != nullptr;
+  const PhotoSize size = loaded.has_size ? PhotoSize() : sizes(loaded.view.name);
   LITAGS_RETURN_IF_ERROR(
       ReadIntrinsics(keys, size.width, size.height, &loaded.view.camera, &loaded.distortion));
-  // Of a photo that is not there any size is taken.
-  if (sized) LITAGS_RETURN_IF_ERROR(CheckIntrinsics(loaded.view.camera, where));
   LITAGS_ASSIGN_OR_RETURN(const cv::Matx34d matrix, ReadMatrix(frame, where));
   LITAGS_RETURN_IF_ERROR(SetPose(matrix, where, &loaded.view.camera));
   return loaded;

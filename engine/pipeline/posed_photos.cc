@@ -96,7 +96,7 @@ struct OnePhoto {
   double stated_exposure = 0;    // as StatedExposure has it
   double code_step = 1;          // as CodeStep has it
   bool rim_masked = false;       // the pinhole picture shows more than the photo
-  std::string no_use;            // why it is left out: "it ..."; else empty
+  std::string no_use;            // what keeps it out: "is of one colour"; else empty
 };
 
 // By EXIF, in a unit of its own; 0: not said.

@@ -20,11 +20,11 @@ namespace litags {
 // needs. Choice
 double PriorSigma(int width, int height);
 
-// LITA-GS Eq. 4 and Eq. 5 with beta = gamma = 1; in place of Eq. 7 2-D Gaussian derivatives of
-// deviation `sigma_px` over the equally smoothed E (Geusebroek et al. 2001). Choice
 // What StructurePrior needs of the shorter side of such a photo at PriorSigma, px.
 int LeastPriorSide(int width, int height);
 
+// LITA-GS Eq. 4 and Eq. 5 with beta = gamma = 1; in place of Eq. 7 2-D Gaussian derivatives of
+// deviation `sigma_px` over the equally smoothed E (Geusebroek et al. 2001). Choice
 // P of one photo [3, H, W] -> [1, H, W]; not normalised, not clipped; values as encoded, not
 // linearised. The divisor is E, but `floor`, codes of [0, 1], at least. INVALID_ARGUMENT if the
 // photo is smaller than the kernel's radius + 1.
