@@ -43,6 +43,10 @@ absl::Status Corrupt(std::string_view field, std::string_view what) {
   return InvalidField("MODEL_CORRUPT", field, absl::StrCat(Absl(what), "; export the model again"));
 }
 
+absl::Status NoImage(std::string_view field) {
+  return InvalidField("NO_CAMERAS", field, "it holds no image");
+}
+
 absl::Status Unsupported(std::string_view field, uint32_t camera, std::string_view model) {
   return InvalidField("UNSUPPORTED_CAMERA_MODEL", field,
                       absl::StrCat("camera ", camera, " has COLMAP's camera model ", Absl(model),
@@ -168,9 +172,29 @@ absl::Status ReadObservations(ByteReader* reader, std::string_view field,
   return absl::OkStatus();
 }
 
+// A view for each camera that is read, named by its number.
+absl::StatusOr<std::vector<LoadedView>> ViewsOfCameras(std::string_view bytes,
+                                                       std::string_view field) {
+  LITAGS_ASSIGN_OR_RETURN(const auto cameras, ParseCameras(bytes, field));
+  if (cameras.empty()) return InvalidField("NO_CAMERAS", field, "it holds no camera");
+  std::vector<LoadedView> views;
+  for (const auto& [id, intrinsics] : cameras) {
+    if (!intrinsics.unread.empty()) continue;
+    LoadedView& loaded = views.emplace_back();
+    loaded.view = {absl::StrCat(id), intrinsics.camera};
+    loaded.distortion = intrinsics.distortion;
+    loaded.has_size = true;
+  }
+  const auto& [id, first] = *cameras.begin();
+  if (views.empty()) return Unsupported(field, id, first.unread);
+  return views;
+}
+
+// `cameras`: null, any camera will do.
 absl::StatusOr<LoadedImages> ParseImages(std::string_view bytes,
-                                         const std::map<uint32_t, Intrinsics>& cameras,
+                                         const std::map<uint32_t, Intrinsics>* cameras,
                                          std::string_view field) {
+  const Intrinsics any = MakeIntrinsics(kSimplePinhole, 1, 1, std::array{1.0, 0.5, 0.5}.data());
   ByteReader reader(bytes);
   uint64_t count = 0;
   if (!reader.Read(&count)) return Truncated(field);
@@ -188,19 +212,21 @@ absl::StatusOr<LoadedImages> ParseImages(std::string_view bytes,
       if (!reader.Read(&v)) return Truncated(field);
     }
     if (!reader.Read(&camera_id) || !reader.ReadCString(&name)) return Truncated(field);
-    const auto camera = cameras.find(camera_id);
-    if (camera == cameras.end()) {
-      return Corrupt(
-          field, absl::StrCat("image ", id, " uses camera ", camera_id, ", which does not exist"));
+    const Intrinsics* camera = &any;
+    if (cameras != nullptr) {
+      const auto found = cameras->find(camera_id);
+      if (found == cameras->end()) {
+        return Corrupt(field, absl::StrCat("image ", id, " uses camera ", camera_id,
+                                           ", which does not exist"));
+      }
+      camera = &found->second;
     }
-    if (const std::string_view model = camera->second.unread; !model.empty()) {
-      return Unsupported(field, camera_id, model);
-    }
+    if (!camera->unread.empty()) return Unsupported(field, camera_id, camera->unread);
     LoadedView loaded;
     loaded.view.name = name;
-    loaded.view.camera = camera->second.camera;
+    loaded.view.camera = camera->camera;
     loaded.view.camera.t = t;
-    loaded.distortion = camera->second.distortion;
+    loaded.distortion = camera->distortion;
     loaded.source_id = images.views.size();
     if (!SetRotation(q, &loaded.view.camera)) {
       return Corrupt(field, absl::StrCat("image ", id, " has no valid rotation"));
@@ -348,8 +374,8 @@ absl::StatusOr<SparseModel> ParseModel(std::string_view cameras_bin, std::string
   const std::string images_name = absl::StrCat(Absl(field), "/images", suffix);
   LITAGS_ASSIGN_OR_RETURN(const auto cameras,
                           ParseCameras(cameras_bin, absl::StrCat(Absl(field), "/cameras", suffix)));
-  LITAGS_ASSIGN_OR_RETURN(LoadedImages images, ParseImages(images_bin, cameras, images_name));
-  if (images.views.empty()) return InvalidField("NO_CAMERAS", images_name, "it holds no image");
+  LITAGS_ASSIGN_OR_RETURN(LoadedImages images, ParseImages(images_bin, &cameras, images_name));
+  if (images.views.empty()) return NoImage(images_name);
 
   std::vector<size_t> order;
   LITAGS_ASSIGN_OR_RETURN(SparseModel model,
@@ -374,9 +400,38 @@ absl::StatusOr<SparseModel> ParseColmapModel(std::string_view cameras_bin,
 absl::StatusOr<SparseModel> ParseColmapText(std::string_view cameras_txt,
                                             std::string_view images_txt,
                                             std::string_view points_txt, std::string_view field) {
-  LITAGS_ASSIGN_OR_RETURN(const ColmapBytes bytes,
-                          BinaryFromText(cameras_txt, images_txt, points_txt, field));
-  return ParseModel(bytes.cameras, bytes.images, bytes.points, field, ".txt");
+  const auto binary = [&](ColmapPart part, std::string_view text, const char* file) {
+    return BinaryFromText(part, text, absl::StrCat(Absl(field), file));
+  };
+  LITAGS_ASSIGN_OR_RETURN(const std::string cameras,
+                          binary(ColmapPart::kCameras, cameras_txt, "/cameras.txt"));
+  LITAGS_ASSIGN_OR_RETURN(const std::string images,
+                          binary(ColmapPart::kImages, images_txt, "/images.txt"));
+  LITAGS_ASSIGN_OR_RETURN(const std::string points,
+                          binary(ColmapPart::kPoints, points_txt, "/points3D.txt"));
+  return ParseModel(cameras, images, points, field, ".txt");
+}
+
+absl::Status CheckColmapFile(std::string_view name, std::string_view bytes,
+                             std::string_view field) {
+  const ColmapPart part = name.starts_with("cameras")  ? ColmapPart::kCameras
+                          : name.starts_with("images") ? ColmapPart::kImages
+                                                       : ColmapPart::kPoints;
+  std::string binary;
+  if (name.ends_with(".txt")) {
+    LITAGS_ASSIGN_OR_RETURN(binary, BinaryFromText(part, bytes, field));
+    bytes = binary;
+  }
+  if (part == ColmapPart::kPoints) return ParsePoints(bytes, {}, {}, field).status();
+  std::vector<LoadedView> views;
+  if (part == ColmapPart::kCameras) {
+    LITAGS_ASSIGN_OR_RETURN(views, ViewsOfCameras(bytes, field));
+  } else {
+    LITAGS_ASSIGN_OR_RETURN(LoadedImages images, ParseImages(bytes, nullptr, field));
+    views = std::move(images.views);
+    if (views.empty()) return NoImage(field);
+  }
+  return FinishModel(std::move(views), field, nullptr).status();
 }
 
 absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field) {

@@ -251,6 +251,49 @@ TEST(ParseColmapModel, SurvivesCorruption) {
   }
 }
 
+// As they are uploaded.
+TEST(CheckColmapFile, TakesTheFilesOfAModel) {
+  const std::vector<std::string> files = TestFiles();
+  EXPECT_EQ(CheckColmapFile("cameras.bin", files[0], "f"), absl::OkStatus());
+  EXPECT_EQ(CheckColmapFile("images.bin", files[1], "f"), absl::OkStatus());
+  EXPECT_EQ(CheckColmapFile("points3D.bin", files[2], "f"), absl::OkStatus());
+  EXPECT_EQ(
+      CheckColmapFile("cameras.txt", "1 FOV 40 30 50 50 20 15 0.9\n2 PINHOLE 4 3 5 5 2 1\n", "f"),
+      absl::OkStatus());
+  EXPECT_EQ(CheckColmapFile("images.txt", "7 1 0 0 0 0 0 0 5 a.jpg\n\n", "f"), absl::OkStatus());
+  EXPECT_EQ(CheckColmapFile("points3D.txt", "", "f"), absl::OkStatus());
+  EXPECT_EQ(CheckColmapFile("points3D.txt", "1 0 0 4 9 9 9 0 7 0\n", "f"), absl::OkStatus());
+}
+
+TEST(CheckColmapFile, RefusesWhatIsWrongWithAFileByItself) {
+  const std::vector<std::string> files = TestFiles();
+  const char* const names[] = {"cameras.bin", "images.bin", "points3D.bin"};
+  for (size_t which = 0; which < 3; ++which) {
+    const std::string cut = files[which].substr(0, files[which].size() - 1);
+    EXPECT_EQ(Reason(CheckColmapFile(names[which], cut, "f")), "MODEL_TRUNCATED") << which;
+  }
+  struct Case {
+    const char* name;
+    std::string text;
+    const char* reason;
+  };
+  for (const Case& c : std::vector<Case>{
+           {"cameras.txt", "", "NO_CAMERAS"},
+           {"cameras.txt", "1 PINHOLE 40 30 50 50 20\n", "MODEL_CORRUPT"},
+           {"cameras.txt", "1 FOV 40 30 50 50 20 15 0.9\n", "UNSUPPORTED_CAMERA_MODEL"},
+           {"cameras.txt", "1 PINHOLE 40 30 nan 50 20 15\n", "NOT_FINITE"},
+           {"cameras.txt", "1 PINHOLE 40 30 1.1 1.1 20 15\n", "BAD_FOCAL_LENGTH"},
+           {"cameras.txt", "1 PINHOLE 40 30 50 50 20 31\n", "BAD_PRINCIPAL_POINT"},
+           {"images.txt", "", "NO_CAMERAS"},
+           {"images.txt", "7 1 0 0 0 0 0 0 5 low/..\n\n", "BAD_FILE_NAME"},
+           {"images.txt", "7 0 0 0 0 0 0 0 5 a.jpg\n\n", "MODEL_CORRUPT"},
+           {"points3D.txt", "1 0 0 inf 9 9 9 0\n", "NOT_FINITE"}}) {
+    const absl::Status status = CheckColmapFile(c.name, c.text, "f");
+    EXPECT_EQ(Reason(status), c.reason) << c.name << ": " << c.text;
+    EXPECT_THAT(std::string(status.message()), testing::StartsWith("f"));
+  }
+}
+
 TEST(WriteColmapModel, RefusesTracksOfViewsThatDoNotExist) {
   TempDir dir;
   SparseModel model = TestModel();

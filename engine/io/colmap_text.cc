@@ -197,17 +197,11 @@ absl::StatusOr<std::string> Points(LineReader lines) {
 
 }  // namespace
 
-absl::StatusOr<ColmapBytes> BinaryFromText(std::string_view cameras_txt,
-                                           std::string_view images_txt, std::string_view points_txt,
+absl::StatusOr<std::string> BinaryFromText(ColmapPart part, std::string_view text,
                                            std::string_view field) {
-  const auto lines = [&](std::string_view text, const char* name) {
-    return LineReader(text, absl::StrCat(Absl(field), name));
-  };
-  ColmapBytes bytes;
-  LITAGS_ASSIGN_OR_RETURN(bytes.cameras, Cameras(lines(cameras_txt, "/cameras.txt")));
-  LITAGS_ASSIGN_OR_RETURN(bytes.images, Images(lines(images_txt, "/images.txt")));
-  LITAGS_ASSIGN_OR_RETURN(bytes.points, Points(lines(points_txt, "/points3D.txt")));
-  return bytes;
+  const LineReader lines(text, std::string(field));
+  if (part == ColmapPart::kCameras) return Cameras(lines);
+  return part == ColmapPart::kImages ? Images(lines) : Points(lines);
 }
 
 }  // namespace litags

@@ -9,16 +9,13 @@
 
 namespace litags {
 
-// The bytes of cameras.bin, images.bin and points3D.bin.
-struct ColmapBytes {
-  std::string cameras, images, points;
-};
+// A file of a model.
+enum class ColmapPart { kCameras, kImages, kPoints };
 
-// The binary form of a model in text form, number by number: whether they make a model is for
-// ParseColmapModel to say. At most six times as long as the text. INVALID_ARGUMENT, naming file and
-// line, if a line does not have the numbers that its kind has.
-absl::StatusOr<ColmapBytes> BinaryFromText(std::string_view cameras_txt,
-                                           std::string_view images_txt, std::string_view points_txt,
+// The binary form of a file in text form, number by number: whether they make a model is for
+// ParseColmapModel to say. At most six times as long as the text, and eight bytes.
+// INVALID_ARGUMENT, naming the line, if one does not have the numbers that its kind has.
+absl::StatusOr<std::string> BinaryFromText(ColmapPart part, std::string_view text,
                                            std::string_view field);
 
 }  // namespace litags

@@ -169,9 +169,7 @@ absl::Status Unpacker::Store() {
   }
   LITAGS_ASSIGN_OR_RETURN(const bool adopted, jobs_->uploads().Adopt(job_id_, file_));
   if (!adopted) {
-    if (file_.role != FileRole::kColmap) {
-      LITAGS_RETURN_IF_ERROR(reader_->Check(staging_path_, field, &file_, cancel_));
-    }
+    LITAGS_RETURN_IF_ERROR(reader_->Check(staging_path_, field, &file_, cancel_));
     LITAGS_RETURN_IF_ERROR(jobs_->uploads().Add(job_id_, file_, staging_path_));
   }
   ++stored_;

@@ -189,8 +189,7 @@ absl::Status UploadSession::Store(Incoming& file) {
   // What another job has was decoded before.
   LITAGS_ASSIGN_OR_RETURN(const bool adopted, jobs_->uploads().Adopt(job_id_, file.record));
   if (!adopted) {
-    // A model's three files make sense together only: the engine checks them when the job runs.
-    if (file.record.role != FileRole::kColmap) {
+    {
       const Timer timer(&reading_seconds_);
       LITAGS_RETURN_IF_ERROR(
           reader_->Check(file.partial->path(), file.field, &file.record, cancel_));

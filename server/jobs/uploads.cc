@@ -276,7 +276,11 @@ absl::StatusOr<std::optional<JobFile>> Uploads::FindBytes(std::string_view id,
                                                           const FileRecord& file) {
   if (file.role == FileRole::kArchive) return std::nullopt;  // unpacked, not kept
   auto found = store_->FindFile(id, file.role, file.sha256);
-  if (!found.ok() || !*found || (*found)->file.size_bytes == file.size_bytes) return found;
+  if (!found.ok() || !*found) return found;
+  const FileRecord& same = (*found)->file;
+  // The name of a COLMAP model's file tells as what it was read.
+  const bool read_alike = file.role != FileRole::kColmap || same.name == file.name;
+  if (same.size_bytes == file.size_bytes && read_alike) return found;
   return std::nullopt;
 }
 

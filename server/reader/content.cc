@@ -2,6 +2,7 @@
 
 #include "engine/core/error.h"
 #include "engine/io/cameras_io.h"
+#include "engine/io/colmap_io.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
@@ -35,7 +36,7 @@ absl::StatusOr<Content> CheckPhoto(std::string_view bytes, const std::string& fi
 
 }  // namespace
 
-absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role,
+absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role, const std::string& name,
                                      const std::string& field) {
   switch (role) {
     case FileRole::kPhoto:
@@ -55,7 +56,9 @@ absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role,
       const VideoFindings findings{video.seconds, static_cast<double>(video.frames)};
       return Content{video.width, video.height, Encode(findings)};
     }
-    case FileRole::kColmap:   // its three files make sense together only: checked by the engine
+    case FileRole::kColmap:
+      LITAGS_RETURN_IF_ERROR(CheckColmapFile(name, bytes, field));
+      break;
     case FileRole::kArchive:  // has files of its own
       break;
   }

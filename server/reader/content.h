@@ -15,8 +15,9 @@ struct Content {
   std::string about;          // of a photo or a video: its findings (file_findings.h)
 };
 
-// Reads a file, in this process, as what it says it is. Not for archives.
-absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role,
+// Reads a file, in this process, as what its role says it is, and of COLMAP's files its name. Not
+// for archives.
+absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role, const std::string& name,
                                      const std::string& field);
 
 }  // namespace litags

@@ -1,4 +1,4 @@
-// How the server reads what strangers upload: photos, masks, depth maps, transforms.json, archives.
+// How the server reads what strangers upload: photos, masks, depth maps, cameras, archives.
 #ifndef LITAGS_SERVER_READER_FILE_READER_H_
 #define LITAGS_SERVER_READER_FILE_READER_H_
 

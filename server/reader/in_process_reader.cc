@@ -13,7 +13,7 @@ class InProcessReader : public FileReader {
   absl::Status Check(const std::string& path, const std::string& field, FileRecord* file,
                      const CancelToken&) override {
     LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, file->size_bytes));
-    LITAGS_ASSIGN_OR_RETURN(Content content, CheckContent(bytes, file->role, field));
+    LITAGS_ASSIGN_OR_RETURN(Content content, CheckContent(bytes, file->role, file->name, field));
     file->width = content.width;
     file->height = content.height;
     file->about = std::move(content.about);

@@ -124,7 +124,7 @@ class SendingSink : public ArchiveSink {
 // What the server asks for, as it wrote it.
 struct Request {
   char kind = 0;
-  std::string field;
+  std::string field, name;
   // Role, memory, seconds; an archive's limits.
   std::vector<int64_t> numbers = std::vector<int64_t>(7);
 
@@ -133,8 +133,9 @@ struct Request {
     request.kind = packet[0];
     const std::vector<std::string> texts = TextsOf(packet);
     request.field = texts[0];
-    for (size_t i = 1; i < texts.size() && i <= request.numbers.size(); ++i) {
-      (void)absl::SimpleAtoi(texts[i], &request.numbers[i - 1]);
+    request.name = texts[1];
+    for (size_t i = 2; i < texts.size() && i - 2 < request.numbers.size(); ++i) {
+      (void)absl::SimpleAtoi(texts[i], &request.numbers[i - 2]);
     }
     return request;
   }
@@ -180,7 +181,7 @@ struct Request {
     EndWith(Verdict(ExtractArchiveBytes(content, limits, request.field, &sink)));
   }
   const auto found =
-      CheckContent(content, static_cast<FileRole>(request.numbers[0]), request.field);
+      CheckContent(content, static_cast<FileRole>(request.numbers[0]), request.name, request.field);
   EndWith(Verdict(found.status(), found.value_or(Content{})));
 }
 

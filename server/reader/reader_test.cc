@@ -51,8 +51,10 @@ class RemoteReaderTest : public ::testing::Test {
     return path;
   }
 
-  absl::Status Check(const std::string& bytes, FileRole role = FileRole::kPhoto) {
+  absl::Status Check(const std::string& bytes, FileRole role = FileRole::kPhoto,
+                     const std::string& name = "") {
     FileRecord file;
+    file.name = name;
     file.role = role;
     file.size_bytes = static_cast<int64_t>(bytes.size());
     const absl::Status status = reader_->Check(Write(bytes), "images[x]", &file, cancel_);
@@ -185,6 +187,15 @@ TEST_F(RemoteReaderTest, SaysOfEachRoleWhatTheSameCodeHereSays) {
     EXPECT_EQ(about_, file.about);
     EXPECT_EQ(size_, std::pair(file.width, file.height));
   }
+}
+
+// Of what they are read as, only the name tells.
+TEST_F(RemoteReaderTest, FilesOfAColmapModelAreReadAsTheirNamesSay) {
+  const std::string camera = "1 PINHOLE 64 48 50 50 32 24\n";
+  const auto check = [&](const char* name) { return Check(camera, FileRole::kColmap, name); };
+  EXPECT_EQ(check("cameras.txt"), absl::OkStatus());
+  EXPECT_EQ(Reason(check("images.txt")), "MODEL_CORRUPT");
+  EXPECT_EQ(Reason(check("cameras.bin")), "MODEL_TRUNCATED");
 }
 
 // As the engine does: the size is that of the photo, which may come later.

@@ -93,7 +93,7 @@ class RemoteReader : public FileReader {
   absl::Status Check(const std::string& path, const std::string& field, FileRecord* file,
                      const CancelToken& cancel) override {
     const std::string request = MakePacket(
-        packet::kCheck, {field, absl::StrCat(static_cast<int>(file->role)),
+        packet::kCheck, {field, file->name, absl::StrCat(static_cast<int>(file->role)),
                          absl::StrCat(limits_.memory_bytes), absl::StrCat(limits_.file_seconds)});
     // Twice: someone else may have killed the first process, for want of memory perhaps.
     for (int attempt = 0; attempt < 2; ++attempt) {
@@ -112,7 +112,7 @@ class RemoteReader : public FileReader {
                                                              const CancelToken& cancel) override {
     const std::string request = MakePacket(
         packet::kUnpack,
-        {field, "0", absl::StrCat(limits_.memory_bytes), absl::StrCat(limits_.archive_seconds),
+        {field, "", "0", absl::StrCat(limits_.memory_bytes), absl::StrCat(limits_.archive_seconds),
          absl::StrCat(limits.max_entries), absl::StrCat(limits.max_entry_bytes),
          absl::StrCat(limits.max_total_bytes), absl::StrCat(limits.max_ratio)});
     LITAGS_ASSIGN_OR_RETURN(Conversation conversation, Begin(request, path, field, cancel));

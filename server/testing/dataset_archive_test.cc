@@ -3,11 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "engine/io/colmap_io.h"
 #include "engine/io/depth_io.h"
 #include "server/store/digest.h"
 #include "server/testing/api_fixture.h"
@@ -41,12 +43,24 @@ class DatasetArchive : public ApiTest {
     return files;
   }
 
+  // A COLMAP model of one camera, no file of which is as those in other folders.
   static Files Model(const std::string& folder) {
-    Files files;
-    for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
-      files.emplace_back(folder + "/" + name, folder + name);
-    }
-    return files;
+    const double some = static_cast<double>(std::hash<std::string>()(folder) % 1000);
+    SparseModel model;
+    View& view = model.views.emplace_back();
+    view.name = "0.png";
+    view.camera.width = 64;
+    view.camera.height = 48;
+    view.camera.fx = view.camera.fy = 50 + some;
+    view.camera.cx = 32;
+    view.camera.cy = 24;
+    view.camera.t = {some, 0, 0};
+    model.distortions.emplace_back();
+    model.points.emplace_back().xyz = {some, 0, 1};
+    const ColmapFiles files = EncodeColmapModel(model).value();
+    return {{folder + "/cameras.bin", files.cameras},
+            {folder + "/images.bin", files.images},
+            {folder + "/points3D.bin", files.points}};
   }
 
   grpc::Status Send(const std::vector<Files>& parts, bool same_job = false) {

@@ -50,6 +50,21 @@ TEST_F(UploadApi, PhotosThatAreNoneAreRefusedByName) {
   EXPECT_EQ(UploadOne({"e.npy", "junk", v1::FILE_ROLE_DEPTH}).error_code(), grpc::INVALID_ARGUMENT);
 }
 
+TEST_F(UploadApi, FilesOfAColmapModelAreReadWhenTheyCome) {
+  const auto file = [](const char* name, const std::string& bytes) {
+    return TestFile{name, bytes, v1::FILE_ROLE_COLMAP};
+  };
+  EXPECT_REFUSED(UploadOne(file("cameras.bin", "junk")), INVALID_ARGUMENT, "MODEL_TRUNCATED",
+                 "colmap[cameras.bin]");
+  EXPECT_REFUSED(UploadOne(file("cameras.txt", "1 PINHOLE 64 48 50 50 99 24\n")), INVALID_ARGUMENT,
+                 "BAD_PRINCIPAL_POINT", "colmap[cameras.txt][1]");
+  // Bytes that were read as one file are not known as another.
+  const std::string no_points(8, '\0');
+  EXPECT_TRUE(UploadOne(file("points3D.bin", no_points)).ok());
+  EXPECT_REFUSED(UploadOne(file("images.bin", no_points)), INVALID_ARGUMENT, "NO_CAMERAS",
+                 "colmap[images.bin]");
+}
+
 TEST_F(UploadApi, AVideoIsACaptureByItselfAndNeedsNoPhotos) {
   const TestFile video{"night.mov", EncodeVideo(WalkFrames(96, 64, 9, 2), {}), v1::FILE_ROLE_VIDEO};
   const TestFile other{"day.mp4", EncodeVideo(WalkFrames(96, 64, 8, 2), {}), v1::FILE_ROLE_VIDEO};

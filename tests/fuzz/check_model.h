@@ -2,8 +2,11 @@
 #define LITAGS_TESTS_FUZZ_CHECK_MODEL_H_
 
 #include <cstddef>
+#include <string>
+#include <vector>
 
 #include "engine/core/check.h"
+#include "engine/io/colmap_io.h"
 #include "engine/io/sparse_model.h"
 
 namespace litags {
@@ -16,6 +19,16 @@ inline void CheckModel(const SparseModel& model) {
       LITAGS_CHECK(seen.view >= 0 && static_cast<size_t>(seen.view) < model.views.size());
     }
   }
+}
+
+// COLMAP's files by themselves, as they are uploaded: those of a model that is read pass. The
+// cameras may be refused, as they are then held to their size.
+inline void CheckParts(const std::vector<std::string>& files, const std::string& ending,
+                       bool is_read) {
+  (void)CheckColmapFile("cameras" + ending, files[0], "cameras").ok();
+  const bool pass = CheckColmapFile("images" + ending, files[1], "images").ok() &&
+                    CheckColmapFile("points3D" + ending, files[2], "points").ok();
+  LITAGS_CHECK(pass || !is_read);
 }
 
 }  // namespace litags

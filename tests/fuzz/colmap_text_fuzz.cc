@@ -9,15 +9,18 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace litags;
   std::vector<std::string> pieces = SplitPieces(AsText(data, size));
   pieces.resize(3);
-  const auto bytes = BinaryFromText(pieces[0], pieces[1], pieces[2], "cameras");
-  if (!bytes.ok()) return 0;
-  LITAGS_CHECK(bytes->cameras.size() + bytes->images.size() + bytes->points.size() <=
-               6 * size + 24);
   const auto model = ParseColmapText(pieces[0], pieces[1], pieces[2], "cameras");
+  CheckParts(pieces, ".txt", model.ok());
+  std::vector<std::string> binary;
+  for (const ColmapPart part : {ColmapPart::kCameras, ColmapPart::kImages, ColmapPart::kPoints}) {
+    const std::string& text = pieces[binary.size()];
+    const auto bytes = BinaryFromText(part, text, "cameras");
+    if (!bytes.ok()) return 0;
+    LITAGS_CHECK(bytes->size() <= 6 * text.size() + 8);
+    binary.push_back(*bytes);
+  }
   // The same numbers, from which there is the same model or none.
-  const auto binary = ParseColmapModel(bytes->cameras, bytes->images, bytes->points, "cameras");
-  LITAGS_CHECK(model.ok() == binary.ok());
-  if (!model.ok()) return 0;
-  CheckModel(*model);
+  LITAGS_CHECK(model.ok() == ParseColmapModel(binary[0], binary[1], binary[2], "cameras").ok());
+  if (model.ok()) CheckModel(*model);
   return 0;
 }

@@ -6,6 +6,7 @@ import io
 import os
 import re
 import shutil
+import struct
 import tarfile
 import tempfile
 import threading
@@ -35,6 +36,18 @@ def bytes_on_disk(data_folder):
 
 
 # One camera, as Metashape exports it.
+COLMAP_TEXT = {"cameras": b"1 PINHOLE 64 48 50 50 32 24\n",
+               "images": b"1 1 0 0 0 0 0 0 1 photo_00.png\n\n", "points3D": b"1 0 0 4 9 9 9 0\n"}
+
+
+def colmap_model(x=0.0):
+    """The three files of a camera at this place, as COLMAP_TEXT."""
+    return {"cameras": struct.pack("<QIi2Q4d", 1, 1, 1, 64, 48, 50 + x, 50, 32, 24),
+            "images": struct.pack("<QI7dI", 1, 1, 1, 0, 0, 0, -x, 0, 0, 1) + b"photo_00.png\0" +
+                      struct.pack("<Q", 0),
+            "points3D": struct.pack("<QQ3d3BdQ", 1, 1, x, 0, 4, 9, 9, 9, 0, 0)}
+
+
 METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
 <document version="2.0.0"><chunk><sensors><sensor id="0" type="frame"><calibration type="frame">
 <resolution width="64" height="48"/><f>60</f></calibration></sensor></sensors>
@@ -264,9 +277,9 @@ class Archives(harness.ServiceTest):
         photos = [(f"room/{folder}/{name}.png", harness.png(width, height, seed=seed))
                   for folder, width, height in (("images", 64, 48), ("images_2", 32, 24))
                   for seed, name in enumerate("abc")]
-        models = [(f"room/{folder}/{name}.bin", folder.encode())
-                  for folder in ("sparse/0", "distorted/sparse/0")
-                  for name in ("cameras", "images", "points3D")]
+        models = [(f"room/{folder}/{name}.bin", data)
+                  for x, folder in enumerate(("sparse/0", "distorted/sparse/0"))
+                  for name, data in colmap_model(x).items()]
         for path in (self.zip(photos + models), self.tar(models + photos)):
             out, err = self.litags("submit", path, "--iterations", "10", "--watch")
             job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
@@ -317,11 +330,11 @@ class Archives(harness.ServiceTest):
         self.assertEqual(os.listdir(os.path.join(self.server.data, "uploads")), [])
 
     def test_known_cameras_may_be_a_colmap_model(self):
-        for form in ("bin", "txt"):
+        for form, files in (("bin", colmap_model()), ("txt", COLMAP_TEXT)):
             model = tempfile.mkdtemp(dir=self.folder)
-            for name in ("cameras", "images", "points3D"):
+            for name, data in files.items():
                 with open(os.path.join(model, f"{name}.{form}"), "wb") as file:
-                    file.write(b"as COLMAP wrote it")  # the fake engine does not look inside
+                    file.write(data)
             out, _ = self.litags("submit", self.photos(), "--cameras", model, "--iterations", "10",
                                  "--watch")
             job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
@@ -359,8 +372,7 @@ class Archives(harness.ServiceTest):
         self.assertEqual(job.report.sfm_preparation, "given")
 
     def test_text_models_in_archives_are_known_by_their_folder(self):
-        model = [(f"night/sparse/0/{name}.txt", b"as COLMAP wrote it")
-                 for name in ("cameras", "images", "points3D")]
+        model = [(f"night/sparse/0/{name}.txt", data) for name, data in COLMAP_TEXT.items()]
         out, _ = self.litags("submit", self.zip(self.capture() + model), "--iterations", "10",
                              "--watch")
         job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
