@@ -172,25 +172,31 @@ absl::Status ReadObservations(ByteReader* reader, std::string_view field,
   return absl::OkStatus();
 }
 
-// A view for each camera that is read, named by its number.
-absl::StatusOr<std::vector<LoadedView>> ViewsOfCameras(std::string_view bytes,
-                                                       std::string_view field) {
-  LITAGS_ASSIGN_OR_RETURN(const auto cameras, ParseCameras(bytes, field));
-  if (cameras.empty()) return InvalidField("NO_CAMERAS", field, "it holds no camera");
-  std::vector<LoadedView> views;
-  for (const auto& [id, intrinsics] : cameras) {
-    if (!intrinsics.unread.empty()) continue;
-    LoadedView& loaded = views.emplace_back();
-    loaded.view = {absl::StrCat(id), intrinsics.camera};
-    loaded.distortion = intrinsics.distortion;
-    loaded.has_size = true;
-  }
-  const auto& [id, first] = *cameras.begin();
-  if (views.empty()) return Unsupported(field, id, first.unread);
-  return views;
+// Whether an image may use this camera.
+absl::Status CheckCamera(uint32_t id, const Intrinsics& intrinsics, std::string_view field) {
+  if (!intrinsics.unread.empty()) return Unsupported(field, id, intrinsics.unread);
+  LoadedView loaded;
+  loaded.view = {absl::StrCat(id), intrinsics.camera};
+  loaded.distortion = intrinsics.distortion;
+  loaded.has_size = true;
+  return FinishModel({loaded}, field, nullptr).status();
 }
 
-// `cameras`: null, any camera will do.
+// COLMAP keeps cameras of images that it took out of the model, however wrong they are: one that is
+// right is enough.
+absl::Status CheckCameras(std::string_view bytes, std::string_view field) {
+  LITAGS_ASSIGN_OR_RETURN(const auto cameras, ParseCameras(bytes, field));
+  if (cameras.empty()) return InvalidField("NO_CAMERAS", field, "it holds no camera");
+  absl::Status first;
+  for (const auto& [id, intrinsics] : cameras) {
+    const absl::Status status = CheckCamera(id, intrinsics, field);
+    if (status.ok()) return status;
+    first.Update(status);
+  }
+  return first;
+}
+
+// `cameras`: null, any camera will do, and observations are checked only.
 absl::StatusOr<LoadedImages> ParseImages(std::string_view bytes,
                                          const std::map<uint32_t, Intrinsics>* cameras,
                                          std::string_view field) {
@@ -235,22 +241,23 @@ absl::StatusOr<LoadedImages> ParseImages(std::string_view bytes,
       return Corrupt(field, absl::StrCat("image id ", id, " occurs twice"));
     }
     images.views.push_back(std::move(loaded));
-    LITAGS_RETURN_IF_ERROR(ReadObservations(&reader, field, &images.observations.emplace_back()));
+    std::vector<Observation> observations;
+    LITAGS_RETURN_IF_ERROR(ReadObservations(&reader, field, &observations));
+    if (cameras != nullptr) images.observations.push_back(std::move(observations));
   }
   return images;
 }
 
-// `view_of_source[i]` is the place of image source_id i in the sorted model.
-absl::StatusOr<std::vector<SparsePoint>> ParsePoints(std::string_view bytes,
-                                                     const LoadedImages& images,
-                                                     const std::vector<int>& view_of_source,
-                                                     std::string_view field) {
+// `view_of_source[i]` is the place of image source_id i in the sorted model. `points`: null, they
+// are checked only.
+absl::Status ParsePoints(std::string_view bytes, const LoadedImages& images,
+                         const std::vector<int>& view_of_source, std::string_view field,
+                         std::vector<SparsePoint>* points) {
   ByteReader reader(bytes);
   uint64_t count = 0;
   if (!reader.Read(&count)) return Truncated(field);
-  std::vector<SparsePoint> points;
   for (uint64_t i = 0; i < count; ++i) {
-    SparsePoint& point = points.emplace_back();
+    SparsePoint point;
     uint64_t id = 0, track_length = 0;
     if (!reader.Read(&id)) return Truncated(field);
     for (double& v : point.xyz) {
@@ -265,7 +272,7 @@ absl::StatusOr<std::vector<SparsePoint>> ParsePoints(std::string_view bytes,
       return Truncated(field);
     }
     if (!(point.error >= 0) || !std::isfinite(point.error)) point.error = -1;  // COLMAP's "unknown"
-    point.track.reserve(track_length);
+    if (points != nullptr) point.track.reserve(track_length);
     for (uint64_t k = 0; k < track_length; ++k) {
       uint32_t image_id = 0, index = 0;
       if (!reader.Read(&image_id) || !reader.Read(&index)) return Truncated(field);
@@ -278,8 +285,9 @@ absl::StatusOr<std::vector<SparsePoint>> ParsePoints(std::string_view bytes,
       const Observation& o = images.observations[source->second][index];
       point.track.push_back({view_of_source[source->second], o.x, o.y});
     }
+    if (points != nullptr) points->push_back(std::move(point));
   }
-  return points;
+  return absl::OkStatus();
 }
 
 // Distinct intrinsics of a model; `camera_of_view` gets each view's index into them.
@@ -383,9 +391,9 @@ absl::StatusOr<SparseModel> ParseModel(std::string_view cameras_bin, std::string
   std::vector<int> view_of_source(order.size());
   for (size_t i = 0; i < order.size(); ++i) view_of_source[order[i]] = static_cast<int>(i);
 
-  LITAGS_ASSIGN_OR_RETURN(model.points,
-                          ParsePoints(points_bin, images, view_of_source,
-                                      absl::StrCat(Absl(field), "/points3D", suffix)));
+  const std::string points_name = absl::StrCat(Absl(field), "/points3D", suffix);
+  LITAGS_RETURN_IF_ERROR(
+      ParsePoints(points_bin, images, view_of_source, points_name, &model.points));
   return model;
 }
 
@@ -422,16 +430,11 @@ absl::Status CheckColmapFile(std::string_view name, std::string_view bytes,
     LITAGS_ASSIGN_OR_RETURN(binary, BinaryFromText(part, bytes, field));
     bytes = binary;
   }
-  if (part == ColmapPart::kPoints) return ParsePoints(bytes, {}, {}, field).status();
-  std::vector<LoadedView> views;
-  if (part == ColmapPart::kCameras) {
-    LITAGS_ASSIGN_OR_RETURN(views, ViewsOfCameras(bytes, field));
-  } else {
-    LITAGS_ASSIGN_OR_RETURN(LoadedImages images, ParseImages(bytes, nullptr, field));
-    views = std::move(images.views);
-    if (views.empty()) return NoImage(field);
-  }
-  return FinishModel(std::move(views), field, nullptr).status();
+  if (part == ColmapPart::kPoints) return ParsePoints(bytes, {}, {}, field, nullptr);
+  if (part == ColmapPart::kCameras) return CheckCameras(bytes, field);
+  LITAGS_ASSIGN_OR_RETURN(LoadedImages images, ParseImages(bytes, nullptr, field));
+  if (images.views.empty()) return NoImage(field);
+  return FinishModel(std::move(images.views), field, nullptr).status();
 }
 
 absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field) {

@@ -30,8 +30,9 @@ absl::StatusOr<SparseModel> ParseColmapText(std::string_view cameras_txt,
                                             std::string_view points_txt, std::string_view field);
 
 // Checks a file of a model by itself, as its name says which: cameras.bin to points3D.txt. As
-// ReadColmapModel, and BAD_FOCAL_LENGTH and BAD_PRINCIPAL_POINT as CheckIntrinsics. What takes two
-// files to see, as images of a camera that there is not, is left to ReadColmapModel.
+// ReadColmapModel, and, of cameras of which none passes, BAD_FOCAL_LENGTH and BAD_PRINCIPAL_POINT
+// as CheckIntrinsics. What takes two files to see, as images of a camera that there is not, is left
+// to ReadColmapModel.
 absl::Status CheckColmapFile(std::string_view name, std::string_view bytes, std::string_view field);
 
 // The model's three files, one camera per distinct set of intrinsics: PINHOLE, or OPENCV where

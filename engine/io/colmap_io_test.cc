@@ -260,6 +260,12 @@ TEST(CheckColmapFile, TakesTheFilesOfAModel) {
   EXPECT_EQ(
       CheckColmapFile("cameras.txt", "1 FOV 40 30 50 50 20 15 0.9\n2 PINHOLE 4 3 5 5 2 1\n", "f"),
       absl::OkStatus());
+  // Those of images that COLMAP took out of the model stay in the file.
+  EXPECT_EQ(CheckColmapFile("cameras.txt",
+                            "1 PINHOLE 40 30 nan 50 20 15\n2 PINHOLE 40 30 9e9 9e9 20 15\n"
+                            "3 PINHOLE 40 30 50 50 20 15\n4 PINHOLE 40 30 1 1 20 99\n",
+                            "f"),
+            absl::OkStatus());
   EXPECT_EQ(CheckColmapFile("images.txt", "7 1 0 0 0 0 0 0 5 a.jpg\n\n", "f"), absl::OkStatus());
   EXPECT_EQ(CheckColmapFile("points3D.txt", "", "f"), absl::OkStatus());
   EXPECT_EQ(CheckColmapFile("points3D.txt", "1 0 0 4 9 9 9 0 7 0\n", "f"), absl::OkStatus());
@@ -284,6 +290,8 @@ TEST(CheckColmapFile, RefusesWhatIsWrongWithAFileByItself) {
            {"cameras.txt", "1 PINHOLE 40 30 nan 50 20 15\n", "NOT_FINITE"},
            {"cameras.txt", "1 PINHOLE 40 30 1.1 1.1 20 15\n", "BAD_FOCAL_LENGTH"},
            {"cameras.txt", "1 PINHOLE 40 30 50 50 20 31\n", "BAD_PRINCIPAL_POINT"},
+           {"cameras.txt", "1 PINHOLE 40 30 50 50 20 31\n2 PINHOLE 40 30 1 1 20 15\n",
+            "BAD_PRINCIPAL_POINT"},
            {"images.txt", "", "NO_CAMERAS"},
            {"images.txt", "7 1 0 0 0 0 0 0 5 low/..\n\n", "BAD_FILE_NAME"},
            {"images.txt", "7 0 0 0 0 0 0 0 5 a.jpg\n\n", "MODEL_CORRUPT"},

@@ -2,7 +2,9 @@
 
 #include <charconv>
 #include <cstdint>
+#include <cstring>
 #include <system_error>
+#include <utility>
 
 #include "engine/core/utf8.h"
 #include "engine/io/byte_reader.h"
@@ -25,6 +27,8 @@ class LineReader {
  public:
   LineReader(std::string_view text, std::string field)
       : rest_(WithoutByteOrderMark(text)), field_(std::move(field)) {}
+
+  size_t size() const { return rest_.size(); }
 
   // The next line without going to it; empty at the end.
   std::string_view Peek() const { return Trimmed(rest_.substr(0, rest_.find('\n'))); }
@@ -100,15 +104,21 @@ class Words {
   std::string_view rest_;
 };
 
-// `count` in front of `records`.
-std::string Counted(uint64_t count, const std::string& records) {
+// What the count stands in front of, and room for records that are as long as their text.
+std::string NoRecords(const LineReader& lines) {
   std::string out;
-  AppendNumber(&out, count);
-  return out.append(records);
+  out.reserve(sizeof(uint64_t) + lines.size());
+  AppendNumber(&out, uint64_t{0});
+  return out;
+}
+
+std::string Counted(uint64_t count, std::string records) {
+  std::memcpy(records.data(), &count, sizeof(count));
+  return records;
 }
 
 absl::StatusOr<std::string> Cameras(LineReader lines) {
-  std::string records;
+  std::string records = NoRecords(lines);
   uint64_t count = 0;
   for (std::string_view line; lines.NextRecord(&line); ++count) {
     Words words(line);
@@ -130,7 +140,7 @@ absl::StatusOr<std::string> Cameras(LineReader lines) {
       return lines.Corrupt("a camera has its number, model, size and parameters");
     }
   }
-  return Counted(count, records);
+  return Counted(count, std::move(records));
 }
 
 // Number, rotation, translation, camera, name. Observations are threes of numbers.
@@ -148,7 +158,7 @@ bool IsImage(std::string_view line) {
 }
 
 absl::StatusOr<std::string> Images(LineReader lines) {
-  std::string records;
+  std::string records = NoRecords(lines);
   uint64_t count = 0;
   for (std::string_view line; lines.NextRecord(&line); ++count) {
     Words words(line);
@@ -170,11 +180,11 @@ absl::StatusOr<std::string> Images(LineReader lines) {
     AppendNumber(&records, observed);
     records.append(observations);
   }
-  return Counted(count, records);
+  return Counted(count, std::move(records));
 }
 
 absl::StatusOr<std::string> Points(LineReader lines) {
-  std::string records;
+  std::string records = NoRecords(lines);
   uint64_t count = 0;
   for (std::string_view line; lines.NextRecord(&line); ++count) {
     Words words(line);
@@ -192,7 +202,7 @@ absl::StatusOr<std::string> Points(LineReader lines) {
     AppendNumber(&records, length);
     records.append(track);
   }
-  return Counted(count, records);
+  return Counted(count, std::move(records));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "engine/core/check.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/sparse_model.h"
@@ -21,14 +22,18 @@ inline void CheckModel(const SparseModel& model) {
   }
 }
 
-// COLMAP's files by themselves, as they are uploaded: those of a model that is read pass. The
-// cameras may be refused, as they are then held to their size.
+// COLMAP's files by themselves, as they are uploaded: those of a model that is read pass, unless
+// none of its cameras is of a picture of its size.
 inline void CheckParts(const std::vector<std::string>& files, const std::string& ending,
-                       bool is_read) {
-  (void)CheckColmapFile("cameras" + ending, files[0], "cameras").ok();
-  const bool pass = CheckColmapFile("images" + ending, files[1], "images").ok() &&
-                    CheckColmapFile("points3D" + ending, files[2], "points").ok();
-  LITAGS_CHECK(pass || !is_read);
+                       const absl::StatusOr<SparseModel>& model) {
+  const bool cameras = CheckColmapFile("cameras" + ending, files[0], "cameras").ok();
+  const bool images = CheckColmapFile("images" + ending, files[1], "images").ok();
+  const bool points = CheckColmapFile("points3D" + ending, files[2], "points").ok();
+  if (!model.ok()) return;
+  LITAGS_CHECK(images && points);
+  for (const View& view : model->views) {
+    LITAGS_CHECK(cameras || !CheckIntrinsics(view.camera, "camera").ok());
+  }
 }
 
 }  // namespace litags

@@ -8,7 +8,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   std::vector<std::string> pieces = SplitPieces(AsText(data, size));
   pieces.resize(3);
   const auto model = ParseColmapModel(pieces[0], pieces[1], pieces[2], "cameras");
-  CheckParts(pieces, ".bin", model.ok());
+  CheckParts(pieces, ".bin", model);
   if (model.ok()) CheckModel(*model);
   return 0;
 }

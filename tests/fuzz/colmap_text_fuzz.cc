@@ -10,7 +10,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   std::vector<std::string> pieces = SplitPieces(AsText(data, size));
   pieces.resize(3);
   const auto model = ParseColmapText(pieces[0], pieces[1], pieces[2], "cameras");
-  CheckParts(pieces, ".txt", model.ok());
+  CheckParts(pieces, ".txt", model);
   std::vector<std::string> binary;
   for (const ColmapPart part : {ColmapPart::kCameras, ColmapPart::kImages, ColmapPart::kPoints}) {
     const std::string& text = pieces[binary.size()];
