@@ -303,10 +303,9 @@ absl::StatusOr<PickedFrames> PickHere(const std::string& dir, const std::string&
                                       const FrameProgress& progress, const CancelToken& cancel) {
   LITAGS_ASSIGN_OR_RETURN(const MappedFile file, MappedFile::Open(path, field));
   FrameWriter writer(dir);
-  return PickFrames(file.bytes(), field, most, progress, [&](const std::string& png) {
-    LITAGS_RETURN_IF_ERROR(cancel.Check());
-    return writer.Write(png);
-  });
+  return PickFrames(
+      file.bytes(), field, most, progress,
+      [&](const std::string& png) { return writer.Write(png); }, cancel);
 }
 
 }  // namespace

@@ -108,6 +108,16 @@ TEST_F(FrameProcess, OneThatTakesTooLongSaysSo) {
   EXPECT_THAT(std::string(picked.status().message()), HasSubstr("more time than a video may"));
 }
 
+// Also while this process decodes: before a frame is looked at, one of which would be too few.
+TEST_F(FrameProcess, DoesNotBeginWhereItIsCancelled) {
+  cancel_.Cancel();
+  const std::string video = EncodeVideo(WalkFrames(96, 64, 1, 0), {});
+  for (const auto& program : {std::vector<std::string>(), program_}) {
+    const auto picked = Pick(video, program);
+    EXPECT_TRUE(absl::IsCancelled(picked.status())) << picked.status();
+  }
+}
+
 TEST_F(FrameProcess, IsEndedByCancelling) {
   std::thread canceller([&] {
     std::this_thread::sleep_for(std::chrono::milliseconds(200));

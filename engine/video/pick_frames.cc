@@ -33,13 +33,14 @@ class Reporter {
   std::chrono::steady_clock::time_point last_;
 };
 
-absl::StatusOr<std::vector<FrameFacts>> LookAtAll(VideoFile& video, Reporter& reporter,
-                                                  PickedFrames* report) {
+absl::StatusOr<std::vector<FrameFacts>> LookAtAll(VideoFile& video, const CancelToken& cancel,
+                                                  Reporter& reporter, PickedFrames* report) {
   std::vector<FrameFacts> facts;
   FrameMeter meter;
   const std::string all =
       video.info().frames > 0 ? absl::StrCat(" of about ", video.info().frames) : "";
   for (;;) {
+    LITAGS_RETURN_IF_ERROR(cancel.Check());
     LITAGS_ASSIGN_OR_RETURN(const bool more, video.Next());
     if (!more) break;
     const Planes luma = video.Luma(kMeasuredSide);
@@ -54,13 +55,14 @@ absl::StatusOr<std::vector<FrameFacts>> LookAtAll(VideoFile& video, Reporter& re
 }  // namespace
 
 absl::StatusOr<PickedFrames> PickFrames(std::string_view bytes, const std::string& field, int most,
-                                        const FrameProgress& progress, const FrameSink& sink) {
+                                        const FrameProgress& progress, const FrameSink& sink,
+                                        const CancelToken& cancel) {
   Reporter reporter(progress);
   PickedFrames report;
   std::vector<int> chosen;
   {
     LITAGS_ASSIGN_OR_RETURN(const auto video, VideoFile::Open(bytes, field));
-    LITAGS_ASSIGN_OR_RETURN(const auto facts, LookAtAll(*video, reporter, &report));
+    LITAGS_ASSIGN_OR_RETURN(const auto facts, LookAtAll(*video, cancel, reporter, &report));
     report.whole_seconds = video->WholeSeconds();
     chosen = ChooseFrames(facts, most);
   }
@@ -74,6 +76,7 @@ absl::StatusOr<PickedFrames> PickFrames(std::string_view bytes, const std::strin
   int frame = -1;
   for (const int wanted : chosen) {
     while (frame < wanted) {
+      LITAGS_RETURN_IF_ERROR(cancel.Check());
       LITAGS_ASSIGN_OR_RETURN(const bool more, video->Next());
       if (!more) {
         return InvalidInput("VIDEO_CORRUPT", field,

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "engine/core/cancel.h"
 
 namespace litags {
 
@@ -26,9 +27,11 @@ using FrameProgress = std::function<void(const std::string&)>;
 using FrameSink = std::function<absl::Status(const std::string& png)>;
 
 // At most `most` frames (0: as ChooseFrames has it). Errors of VideoFile, of the sink, and
-// INVALID_ARGUMENT (TOO_FEW_FRAMES) if fewer than kMinPhotos can be chosen.
+// INVALID_ARGUMENT (TOO_FEW_FRAMES) if fewer than kMinPhotos can be chosen; CANCELLED at the next
+// frame.
 absl::StatusOr<PickedFrames> PickFrames(std::string_view video, const std::string& field, int most,
-                                        const FrameProgress& progress, const FrameSink& sink);
+                                        const FrameProgress& progress, const FrameSink& sink,
+                                        const CancelToken& cancel = CancelToken());
 
 }  // namespace litags
 

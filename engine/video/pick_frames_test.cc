@@ -81,5 +81,20 @@ TEST(PickFrames, TheSinksErrorEndsIt) {
   EXPECT_EQ(calls, 1);
 }
 
+TEST(PickFrames, ACancelEndsItAtTheNextFrame) {
+  CancelToken cancel;
+  int calls = 0;
+  const auto picked = PickFrames(
+      EncodeVideo(WalkFrames(96, 64, 30, 3), {}), "v", 0, nullptr,
+      [&](const std::string&) {
+        ++calls;
+        cancel.Cancel();
+        return absl::OkStatus();
+      },
+      cancel);
+  EXPECT_TRUE(absl::IsCancelled(picked.status())) << picked.status();
+  EXPECT_EQ(calls, 1);
+}
+
 }  // namespace
 }  // namespace litags
