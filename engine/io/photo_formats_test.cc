@@ -16,6 +16,10 @@
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
+// Of libgomp, which LibRaw runs its loops with.
+extern "C" void omp_set_num_threads(int);
+extern "C" int omp_get_max_threads();
+
 namespace litags {
 namespace {
 
@@ -410,6 +414,15 @@ TEST(Raw, IsLightWithTheCamerasWhiteBalance) {
   for (int c = 0; c < 3; ++c) {
     EXPECT_NEAR(Mean(*photo, c), kPhotoWhite * SrgbFromLinear(0.2), 0.5 * kPhotoCode) << c;
   }
+}
+
+TEST(Raw, LeavesTheCallersThreadsAlone) {
+  const int before = omp_get_max_threads();
+  omp_set_num_threads(3);
+  const std::string dng = EncodeDng(FlatFrame({1000, 2000, 500}));
+  EXPECT_TRUE(DecodePhoto(dng, "f").ok());
+  EXPECT_EQ(omp_get_max_threads(), 3);
+  omp_set_num_threads(before);
 }
 
 TEST(Raw, HasThePrimariesOfItsMatrix) {

@@ -23,6 +23,7 @@
 
 // Of libgomp, which LibRaw runs its loops with: for the calling thread only.
 extern "C" void omp_set_num_threads(int);
+extern "C" int omp_get_max_threads();
 
 namespace litags {
 namespace {
@@ -105,6 +106,9 @@ class RawFile {
     params.user_qual = 3;           // AHD
     params.max_raw_memory_mb = 1024;
   }
+  ~RawFile() { omp_set_num_threads(threads_before_); }
+  RawFile(const RawFile&) = delete;
+  RawFile& operator=(const RawFile&) = delete;
 
   libraw_data_t& data() { return raw_->imgdata; }
 
@@ -178,7 +182,8 @@ class RawFile {
         absl::StrCat("the RAW file cannot be decoded ", why, "; send the file again"));
   }
 
-  std::unique_ptr<LibRaw> raw_;  // large
+  const int threads_before_ = omp_get_max_threads();  // of the calling thread
+  std::unique_ptr<LibRaw> raw_;                       // large
   unsigned black_ = 0;
   bool data_error_ = false;
 };
