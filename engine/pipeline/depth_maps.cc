@@ -23,6 +23,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
+#include "engine/io/wide_lens.h"
 #include "engine/pipeline/photo_place.h"
 #include "engine/stereo/stereo.h"
 
@@ -313,6 +314,16 @@ absl::Status CheckMapsFit(const ReconstructInput& input, std::vector<std::string
                    sent == first ? "name maps as their photos"
                                  : sent + " is learnt as several views: give maps of these",
                    ", as ", Stem(first), ".png, .pfm or .npy, or choose another depth source"));
+}
+
+std::vector<std::string> MapStemsOfViews(const std::string& photo) {
+  std::vector<std::string> stems;
+  for (const CubeView& view : kCubeViews) {
+    for (const std::string& base : {Stem(photo), photo}) {  // as WithViewsOfWidePhotos() has it
+      stems.push_back(absl::StrCat(base, "_", view.name));
+    }
+  }
+  return stems;
 }
 
 absl::Status CheckDepthSource(const Context& context, std::vector<std::string>* notes) {

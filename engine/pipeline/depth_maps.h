@@ -37,6 +37,9 @@ inline DepthOrigin ResolveDepthOrigin(const Context& context) {
 // ReadDepthSize. `notes` (may be null) gets one where maps may be of photos before EXIF turns them.
 absl::Status CheckMapsFit(const ReconstructInput& input, std::vector<std::string>* notes = nullptr);
 
+// What maps of the views of a wide photo may be called, without their endings.
+std::vector<std::string> MapStemsOfViews(const std::string& photo);
+
 // If the source has nothing to work with, before the cameras are searched for: INVALID_ARGUMENT
 // (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING), errors and `notes` of CheckMapsFit.
 absl::Status CheckDepthSource(const Context& context, std::vector<std::string>* notes = nullptr);

@@ -97,13 +97,22 @@ std::string Advice(absl::Span<const ScreenedPhoto> photos, const ReconstructOpti
   ReconstructOptions smaller = options;
   for (const int threads : {all, 1}) {
     const std::string fewer = threads < all ? " with threads 1" : "";
-    for (int side = largest - 1 - (largest - 1) % kStep; side >= kLeastSide; side -= kStep) {
-      smaller.max_image_side = side;
-      const int64_t takes = most(smaller, threads);
-      if (takes > bytes) continue;
-      return absl::StrFormat("max_image_side %d%s takes %s at most; or leave photos out", side,
-                             fewer, GiB(takes));
+    const auto takes = [&](int step) {
+      smaller.max_image_side = step * kStep;
+      return most(smaller, threads);
+    };
+    int fits = kLeastSide / kStep - 1, largest_step = (largest - 1) / kStep;
+    while (fits < largest_step) {
+      const int middle = (fits + largest_step + 1) / 2;
+      if (takes(middle) <= bytes) {
+        fits = middle;
+      } else {
+        largest_step = middle - 1;
+      }
     }
+    if (fits * kStep < kLeastSide) continue;
+    return absl::StrFormat("max_image_side %d%s takes %s at most; or leave photos out",
+                           fits * kStep, fewer, GiB(takes(fits)));
   }
   return "leave photos out";
 }

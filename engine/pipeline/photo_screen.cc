@@ -74,8 +74,7 @@ Decoded Decode(const std::string& dir, const std::string& name, const std::strin
 
 // The photo that a file beside it is a mask of, by its name: 0001.jpg.png, 0001_mask.png,
 // 0001.mask.png, dynamic_mask_0001.png (of instant-ngp: what is not 0 there does not count).
-std::optional<std::string> PhotoOfMask(const std::string& name, const NameIndex& index,
-                                       absl::Span<const std::string> names) {
+std::optional<size_t> PhotoOfMask(const std::string& name, const NameIndex& index) {
   constexpr absl::string_view kDynamic = "dynamic_mask_";
   if (!absl::EndsWithIgnoreCase(name, ".png")) return std::nullopt;
   std::string wanted = name.substr(0, name.size() - 4);
@@ -84,12 +83,11 @@ std::optional<std::string> PhotoOfMask(const std::string& name, const NameIndex&
   } else if (absl::EndsWithIgnoreCase(wanted, "_mask") ||
              absl::EndsWithIgnoreCase(wanted, ".mask")) {
     wanted.resize(wanted.size() - 5);
-  } else if (std::find(names.begin(), names.end(), wanted) == names.end()) {
+  } else if (!index.FindExact(wanted).has_value()) {
     return std::nullopt;
   }
   const std::optional<size_t> photo = index.Find(wanted);
-  if (!photo.has_value() || names[*photo] == name) return std::nullopt;
-  return names[*photo];
+  return photo == index.FindExact(name) ? std::nullopt : photo;
 }
 
 absl::StatusOr<std::string> WriteMask(const ReconstructInput& input, const std::string& photo,
@@ -213,14 +211,15 @@ absl::Status TakeMasksBeside(const ReconstructInput& input, PhotoList* list) {
   int masks = 0;
   std::string some;
   for (const std::string& name : list->names) {
-    const std::optional<std::string> photo = PhotoOfMask(name, index, list->names);
-    if (!photo.has_value()) {
+    const std::optional<size_t> of = PhotoOfMask(name, index);
+    if (!of.has_value()) {
       photos.push_back(name);
       continue;
     }
+    const std::string& photo = list->names[*of];
     ++masks;
     some = name;
-    if (list->masks.contains(*photo)) continue;
+    if (list->masks.contains(photo)) continue;
     std::string path = input.images_dir + "/" + name;
     if (absl::StartsWith(name, "dynamic_mask_")) {
       const absl::StatusOr<ImageU8> moving = ReadImage(path, PhotoField(name));
@@ -230,9 +229,9 @@ absl::Status TakeMasksBeside(const ReconstructInput& input, PhotoList* list) {
         const uint8_t* pixel = &moving->data[3 * i];
         mask.data[i] = pixel[0] == 0 && pixel[1] == 0 && pixel[2] == 0 ? kCounts : 0;
       }
-      LITAGS_ASSIGN_OR_RETURN(path, WriteMask(input, *photo, mask));
+      LITAGS_ASSIGN_OR_RETURN(path, WriteMask(input, photo, mask));
     }
-    list->masks[*photo] = path;
+    list->masks[photo] = path;
   }
   if (masks > 0) {
     list->notes.push_back(
@@ -354,6 +353,20 @@ std::vector<std::string> PhotoScreen::Names() const {
   std::vector<std::string> names;
   for (const ScreenedPhoto& photo : photos) names.push_back(photo.name);
   return names;
+}
+
+bool HasMasksAmong(const std::vector<std::string>& names) {
+  const NameIndex index(names);
+  return std::any_of(names.begin(), names.end(),
+                     [&](const std::string& name) { return PhotoOfMask(name, index).has_value(); });
+}
+
+absl::Status CheckPhotosLeft(size_t used, absl::Span<const PhotoLeftOut> left_out) {
+  const absl::Status status = CheckPhotoCount(used, used + left_out.size());
+  if (status.ok() || left_out.empty()) return status;
+  const PhotoLeftOut& first = left_out.front();
+  return MakeError(status.code(), "TOO_FEW_PHOTOS", "images",
+                   absl::StrCat(status.message(), "; left out: ", first.name, ": ", first.why));
 }
 
 absl::StatusOr<PhotoList> ListPhotosAndMasks(const ReconstructInput& input) {

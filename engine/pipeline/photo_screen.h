@@ -6,7 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "engine/core/cancel.h"
 #include "engine/core/color.h"
 #include "engine/io/mask_io.h"
@@ -39,6 +41,12 @@ struct PhotoScreen {
   MaskPaths masks;                 // given ones, those of the cameras' file, and those found
   std::vector<std::string> notes;  // of all this, one a line
 };
+
+// Whether some of these files are masks of others by their names, such as 0001_mask.png.
+bool HasMasksAmong(const std::vector<std::string>& names);
+
+// As CheckPhotoCount() of so many photos that are used; says why the first of the others is not.
+absl::Status CheckPhotosLeft(size_t used, absl::Span<const PhotoLeftOut> left_out);
 
 // Leaves out, each by name: what cannot be decoded; photos that WhyLeftOut() has a reason for.
 // Masks: those of ListPhotosAndMasks, whose errors it has; alpha channels and black bars that all

@@ -274,15 +274,6 @@ void TakePhotos(const Context& context, std::vector<OnePhoto> photos, PosedPhoto
   }
 }
 
-absl::Status CheckPhotosLeft(const PhotoScreen& screen) {
-  const absl::Status status =
-      CheckPhotoCount(screen.photos.size(), screen.photos.size() + screen.left_out.size());
-  if (status.ok() || screen.left_out.empty()) return status;
-  const PhotoLeftOut& first = screen.left_out.front();
-  return MakeError(status.code(), "TOO_FEW_PHOTOS", "images",
-                   absl::StrCat(status.message(), "; left out: ", first.name, ": ", first.why));
-}
-
 absl::Status CheckMemoryOf(const Context& context, const PhotoScreen& screen,
                            const std::vector<ScreenedPhoto>& photos) {
   const ReconstructInput& input = context.input;
@@ -347,7 +338,7 @@ absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::s
   std::vector<std::string>* const notes = &context.report->notes;
   const auto before_screen = static_cast<ptrdiff_t>(notes->size());
   notes->insert(notes->end(), screen.notes.begin(), screen.notes.end());
-  LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen));
+  LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen.photos.size(), screen.left_out));
   const bool given = !input.cameras_path.empty();
   if (!given) LITAGS_RETURN_IF_ERROR(CheckMemoryOf(context, screen, screen.photos));
   PosedPhotos posed;

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
 #include "engine/pipeline/fingerprint.h"
@@ -49,12 +50,31 @@ std::string Describe(const std::string& name, const PickedFrames& picked) {
   return text;
 }
 
+absl::Status CheckInputIsVideoAlone(const ReconstructInput& input) {
+  std::vector<std::string> beside;
+  if (!input.cameras_path.empty()) beside.emplace_back("cameras");
+  if (!input.depth_dir.empty()) beside.emplace_back("depth maps");
+  if (!input.masks_dir.empty()) beside.emplace_back("masks");
+  return CheckVideoAlone(beside);
+}
+
 }  // namespace
+
+absl::Status CheckVideoAlone(absl::Span<const std::string> beside) {
+  if (beside.empty()) return absl::OkStatus();
+  return MakeError(
+      absl::StatusCode::kFailedPrecondition, "VIDEO_NOT_ALONE", "videos",
+      absl::StrCat("videos: with the video there are ", absl::StrJoin(beside, ", "),
+                   ", of photos by their names; which frames become the photos is "
+                   "chosen later: cut frames out of the video first (ffmpeg -i VIDEO "
+                   "-r 2 frames/%04d.png) and give these as photos, or leave them out"));
+}
 
 absl::StatusOr<ReconstructInput> WithFramesAsPhotos(
     const ReconstructInput& input, int frames, const CancelToken& cancel,
     const std::function<void(const std::string&)>& progress, std::vector<std::string>* notes) {
   if (input.video_path.empty()) return input;
+  LITAGS_RETURN_IF_ERROR(CheckInputIsVideoAlone(input));
   ReconstructInput result = input;
   result.images_dir = input.work_dir + "/frames";
   result.video_path.clear();

@@ -110,6 +110,17 @@ TEST_F(VideoFrames, SoundThatLastsLongerIsNoMissingEnd) {
   EXPECT_THAT(notes_, ElementsAre(HasSubstr("the file should last 20.0 s: its end is missing")));
 }
 
+// Whoever made them cut frames out by another rule.
+TEST_F(VideoFrames, TakeNothingThatIsOfPhotosByTheirNames) {
+  using Input = ReconstructInput;
+  for (std::string Input::*path : {&Input::cameras_path, &Input::depth_dir, &Input::masks_dir}) {
+    input_.*path = dir_ / "beside";
+    EXPECT_EQ(Reason(Pick().status()), "VIDEO_NOT_ALONE");
+    (input_.*path).clear();
+  }
+  EXPECT_TRUE(Pick().ok());
+}
+
 TEST_F(VideoFrames, ErrorsNameTheVideo) {
   Write("no video");
   const absl::Status status = Pick().status();

@@ -12,8 +12,9 @@ int ExitCodeOf(const absl::Status& status) {
   const auto detail = GetErrorDetail(status);
   if (status.ok()) return 0;
   if (absl::IsCancelled(status)) return kInterruptedExit;
-  const bool too_few = detail.has_value() && detail->reason == "TOO_FEW_PHOTOS";
-  return absl::IsInvalidArgument(status) || absl::IsNotFound(status) || too_few ? 2 : 1;
+  const bool of_input = detail.has_value() &&
+                        (detail->reason == "TOO_FEW_PHOTOS" || detail->reason == "VIDEO_NOT_ALONE");
+  return absl::IsInvalidArgument(status) || absl::IsNotFound(status) || of_input ? 2 : 1;
 }
 
 void PrintError(const std::string& program, const absl::Status& status, const std::string& hint) {
