@@ -196,18 +196,22 @@ absl::StatusOr<DepthSize> ReadDepthSize(const std::string& path, std::string_vie
   std::ifstream file(path, std::ios::binary);
   file.read(front.data(), static_cast<std::streamsize>(front.size()));
   front.resize(static_cast<size_t>(file.gcount()));
+  return ParseDepthSize(front, field);
+}
+
+absl::StatusOr<DepthSize> ParseDepthSize(std::string_view bytes, std::string_view field) {
   int64_t width = 0, height = 0;
-  if (IsPfm(front)) {
-    LITAGS_ASSIGN_OR_RETURN(const PfmHeader header, ParsePfmHeader(front, field));
+  if (IsPfm(bytes)) {
+    LITAGS_ASSIGN_OR_RETURN(const PfmHeader header, ParsePfmHeader(bytes, field));
     width = header.width, height = header.height;
-  } else if (IsNpy(front)) {
+  } else if (IsNpy(bytes)) {
     size_t data = 0;
-    LITAGS_ASSIGN_OR_RETURN(const NpyArray header, DecodeNpyHeader(front, field, &data));
+    LITAGS_ASSIGN_OR_RETURN(const NpyArray header, DecodeNpyHeader(bytes, field, &data));
     LITAGS_ASSIGN_OR_RETURN(const std::vector<int64_t> shape, PlaneShape(header.shape, field));
     height = shape[0], width = shape[1];
-  } else if (IsPng(front)) {
-    LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ParsePngHeader(front, field));
-    LITAGS_RETURN_IF_ERROR(CheckPngKind(PngHeaderChannels(front), info.bit_depth, field));
+  } else if (IsPng(bytes)) {
+    LITAGS_ASSIGN_OR_RETURN(const ImageInfo info, ParsePngHeader(bytes, field));
+    LITAGS_RETURN_IF_ERROR(CheckPngKind(PngHeaderChannels(bytes), info.bit_depth, field));
     width = info.width, height = info.height;
   } else {
     return NotRecognized(field);

@@ -28,6 +28,7 @@ struct DepthSize {
   int64_t pixels() const { return int64_t{width} * height; }
 };
 absl::StatusOr<DepthSize> ReadDepthSize(const std::string& path, std::string_view field);
+absl::StatusOr<DepthSize> ParseDepthSize(std::string_view bytes, std::string_view field);
 
 // The first existing of dir/stem.{npy,pfm,png}: a PNG beside another may be a picture of it. Empty
 // if none.

@@ -34,6 +34,14 @@ absl::StatusOr<Content> CheckPhoto(std::string_view bytes, const std::string& fi
   return Content{photo.width, photo.height, Encode(findings)};
 }
 
+// The photo of a map that says nothing trains without one.
+absl::StatusOr<Content> CheckDepth(std::string_view bytes, const std::string& field) {
+  const absl::Status read = DecodeDepthMap(bytes, field).status();
+  if (!read.ok() && GetErrorDetail(read)->reason != "NOT_FINITE") return read;
+  LITAGS_ASSIGN_OR_RETURN(const DepthSize size, ParseDepthSize(bytes, field));
+  return Content{size.width, size.height, ""};
+}
+
 }  // namespace
 
 absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role, const std::string& name,
@@ -49,8 +57,7 @@ absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role, cons
       LITAGS_RETURN_IF_ERROR(CheckCameras(bytes, field));
       break;
     case FileRole::kDepth:
-      LITAGS_RETURN_IF_ERROR(DecodeDepthMap(bytes, field).status());
-      break;
+      return CheckDepth(bytes, field);
     case FileRole::kVideo: {
       LITAGS_ASSIGN_OR_RETURN(const VideoInfo video, CheckVideo(bytes, field));
       const VideoFindings findings{video.seconds, static_cast<double>(video.frames)};

@@ -11,7 +11,7 @@ namespace litags {
 
 // What a file holds.
 struct Content {
-  int width = 0, height = 0;  // px; 0 of what is no photo, mask or video
+  int width = 0, height = 0;  // px; 0 of cameras and COLMAP's files
   std::string about;          // of a photo or a video: its findings (file_findings.h)
 };
 

@@ -20,7 +20,7 @@ class FileReader {
  public:
   virtual ~FileReader() = default;
 
-  // Reads the file at `path` as what its record says it is; sets a photo's or mask's size. Not for
+  // Reads the file at `path` as what its record says it is; sets the size of pictures. Not for
   // archives. INVALID_ARGUMENT (FILE_CHECK_FAILED and those of the formats); UNAVAILABLE
   // (FILE_CHECK_UNAVAILABLE); CANCELLED.
   virtual absl::Status Check(const std::string& path, const std::string& field, FileRecord* file,

@@ -48,8 +48,8 @@ std::string Verdict(const absl::Status& status, const Content& content = {}) {
 std::string Costly(const std::string& field, const char* what) {
   return Verdict(InvalidInput("FILE_CHECK_FAILED", field,
                               absl::StrCat(field, ": reading it takes more ", what,
-                                           " than any photo, or the head of any video, of an "
-                                           "honest camera; leave it out, or save it anew")));
+                                           " than a file is given; leave it out, or save it "
+                                           "anew")));
 }
 
 [[noreturn]] void EndWith(const std::string& answer) {

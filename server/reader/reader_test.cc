@@ -198,6 +198,14 @@ TEST_F(RemoteReaderTest, FilesOfAColmapModelAreReadAsTheirNamesSay) {
   EXPECT_EQ(Reason(check("cameras.bin")), "MODEL_TRUNCATED");
 }
 
+// As the engine does, which trains its photo without.
+TEST_F(RemoteReaderTest, ADepthMapMayHaveHolesOnly) {
+  const std::string nan("\0\0\xC0\x7F", 4);
+  EXPECT_EQ(Check("Pf\n2 1\n-1.0\n" + nan + nan, FileRole::kDepth), absl::OkStatus());
+  EXPECT_EQ(size_, std::pair(2, 1));
+  EXPECT_EQ(Reason(Check("Pf\n2 1\n-1.0\n" + nan, FileRole::kDepth)), "DEPTH_TRUNCATED");
+}
+
 // As the engine does: the size is that of the photo, which may come later.
 TEST_F(RemoteReaderTest, CamerasMaySayTheirAngleAlone) {
   const std::string frame =

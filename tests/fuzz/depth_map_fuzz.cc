@@ -11,6 +11,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (const auto map = DecodeDepthMap(bytes, "depth[x]", limits); map.ok()) {
     LITAGS_CHECK(map->channels == 1 && map->width > 0 && map->height > 0);
     LITAGS_CHECK(int64_t{map->width} * map->height <= limits.max_pixels);
+    const auto size = ParseDepthSize(bytes, "depth[x]");
+    LITAGS_CHECK(size.ok() && size->width == map->width && size->height == map->height);
   }
   if (const auto array = DecodeNpy(bytes, "x"); array.ok()) {
     LITAGS_CHECK(array->ToDoubles().size() == static_cast<size_t>(array->size()));
