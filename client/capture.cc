@@ -149,6 +149,12 @@ void NoteUnusedFolders(const std::string& dir, const Places& used, Capture* capt
   }
 }
 
+// COLMAP's recipe for known poses makes it with nothing in it.
+bool IsEmptyPoints(const fs::path& path) {
+  std::error_code ignored;
+  return path.filename() == "points3D.txt" && fs::is_empty(path, ignored);
+}
+
 // The files of a COLMAP model, in text form if there is no binary one; it may have no points.
 absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
   std::error_code ignored;  // MakeLocalFile says what is wrong
@@ -165,6 +171,7 @@ absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
   for (const char* stem : {"cameras", "images", "points3D"}) {
     const fs::path path = fs::path(dir) / absl::StrCat(stem, text ? ".txt" : ".bin");
     if (std::string_view(stem) == "points3D" && !fs::exists(path, ignored)) continue;
+    if (IsEmptyPoints(path)) continue;
     auto file = MakeLocalFile(path, v1::FILE_ROLE_COLMAP);
     if (!file.ok()) return file.status();
     capture->bytes += file->size_bytes;

@@ -232,6 +232,18 @@ TEST_F(ScanCaptureTest, TakesTheLargestModelInTextForm) {
   EXPECT_THAT(capture->notes, ElementsAre(HasSubstr("m/1")));
 }
 
+// As COLMAP's recipe for known poses has it.
+TEST_F(ScanCaptureTest, AModelMayHaveAnEmptyFileOfPoints) {
+  Write("a.jpg", "x");
+  for (const char* name : {"m/cameras.txt", "m/images.txt"}) Write(name, "x");
+  Write("m/points3D.txt", "");
+  const auto capture = ScanCapture(dir_.string(), (dir_ / "m").string(), "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  std::set<std::string> names;
+  for (const LocalFile& file : capture->files) names.insert(file.name);
+  EXPECT_THAT(names, ElementsAre("a.jpg", "cameras.txt", "images.txt"));
+}
+
 TEST_F(ScanCaptureTest, AFolderWithoutCamerasSaysWhatItLooksFor) {
   Write("a.jpg", "x");
   Write("c/readme.txt", "x");

@@ -154,6 +154,8 @@ absl::Status Unpacker::End() {
 absl::Status Unpacker::Store() {
   const std::string field = FieldOf(file_.role, file_.name);
   if (file_.size_bytes == 0) {
+    // COLMAP's recipe for known poses makes one with nothing in it.
+    if (file_.role == FileRole::kColmap && file_.name == "points3D.txt") return absl::OkStatus();
     return InvalidInput("FILE_EMPTY", field,
                         absl::StrCat(field, ": the file in ", field_,
                                      " has no bytes; leave it out or copy it from the camera "

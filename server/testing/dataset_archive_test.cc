@@ -157,6 +157,20 @@ TEST_F(DatasetArchive, OfConvertPy) {
                                      "stereo/ (the photos are those in images/)"));
 }
 
+// As COLMAP's recipe for known poses has it.
+TEST_F(DatasetArchive, AModelMayHaveAnEmptyFileOfPoints) {
+  const grpc::Status sent = Send({Photos("images", 64, 48),
+                                  {{"sparse/cameras.txt", "1 PINHOLE 64 48 50 50 32 24\n"},
+                                   {"sparse/images.txt", "1 1 0 0 0 0 0 0 1 0.png\n\n"},
+                                   {"sparse/points3D.txt", ""}}});
+  ASSERT_TRUE(sent.ok()) << sent.error_message();
+  EXPECT_THAT(StoredNames(),
+              ElementsAre("0.png", "1.png", "2.png", "colmap cameras.txt", "colmap images.txt"));
+  EXPECT_THAT(Skipped(), IsEmpty());
+  v1::Job job;
+  EXPECT_TRUE(client_.Start(job_, &job).ok());
+}
+
 TEST_F(DatasetArchive, MasksAndDepthMapsMayLieInFolders) {
   Planes depth(1, 48, 64);
   std::fill(depth.data.begin(), depth.data.end(), 2.0f);
