@@ -30,6 +30,15 @@ CLI::Option* AddSceneOptions(CLI::App* command, const std::string& help, Benchma
   return command->add_option("scene", scene->dir, help)->required();
 }
 
+void AddOutputOption(CLI::App* command, const std::string& help, std::string* path) {
+  // Of an empty one, what is removed and written would lie in the root folder.
+  command->add_option("-o,--output,--out", *path, help)
+      ->required()
+      ->check([](const std::string& given) {
+        return given.empty() ? std::string("takes the name of a folder") : std::string();
+      });
+}
+
 void AddGaussiansOption(CLI::App* command, int* gaussians) {
   command->add_option("--gaussians", *gaussians, "of the made-up scene")
       ->capture_default_str()

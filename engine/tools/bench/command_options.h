@@ -19,6 +19,9 @@ void WhenGiven(CLI::App* command, int* exit_status, std::function<absl::Status()
 // Adds SCENE, which is returned, and --light, which is "low" by default.
 CLI::Option* AddSceneOptions(CLI::App* command, const std::string& help, BenchmarkScene* scene);
 
+// Adds -o, the folder that is written into; it is required.
+void AddOutputOption(CLI::App* command, const std::string& help, std::string* path);
+
 // Adds --gaussians, of a made-up scene.
 void AddGaussiansOption(CLI::App* command, int* gaussians);
 

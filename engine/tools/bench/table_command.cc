@@ -175,8 +175,7 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
       "--sparse", args->sparse,
       "cameras inside each scene (transforms.json or COLMAP model, with its points) "
       "instead of transforms_train.json and triangulation");
-  command->add_option("-o,--output,--out", options.out, "folder for the table, pictures and runs")
-      ->required();
+  AddOutputOption(command, "folder for the table, pictures and runs", &options.out);
   command->add_flag("--fresh", options.fresh, "run finished rows again, too");
   command->add_option("--colmap", options.colmap, "COLMAP program")->capture_default_str();
   command->add_option("--cell", args->cell)->group("");  // hidden: one row, in a child process

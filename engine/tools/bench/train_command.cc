@@ -139,13 +139,15 @@ nlohmann::json ReportDepth(const DepthScores& depth) {
 }
 
 // So that nothing that an earlier run kept is used: the seconds are those of the whole run.
-absl::Status RemoveOldRun(const std::string& out) {
+absl::Status RemoveOldRun(const ReconstructInput& input) {
+  const std::string& out = input.work_dir;
+  LITAGS_RETURN_IF_ERROR(CheckInputsOutside(input));
   std::error_code ignored;  // writing reports what matters
   std::filesystem::create_directories(out, ignored);
   LITAGS_ASSIGN_OR_RETURN(const FolderLock lock, LockWorkDir(out));
   for (const char* old :
-       {"/scene.litags", "/checkpoint.litags", "/depth.litags", "/start.litags"}) {
-    std::filesystem::remove(out + old, ignored);
+       {"/scene.litags", "/checkpoint.litags", "/depth.litags", "/start.litags", "/cameras"}) {
+    std::filesystem::remove_all(out + old, ignored);
   }
   return absl::OkStatus();
 }
@@ -170,7 +172,7 @@ absl::Status Train(TrainArguments args) {
       args.evaluate_every > 0 ? args.evaluate_every : args.options.iterations;
   args.options.checkpoint_every = args.options.iterations;
   LITAGS_RETURN_IF_ERROR(args.options.Validate());
-  LITAGS_RETURN_IF_ERROR(RemoveOldRun(args.out));
+  LITAGS_RETURN_IF_ERROR(RemoveOldRun(input));
 
   const std::unique_ptr<Engine> engine = MakeEngine();
   Recorder recorder(args, engine.get());
@@ -207,7 +209,7 @@ void AddTrainCommand(CLI::App* app, int* exit_status) {
   AddSceneOptions(command, "SCENE with low/, high/, transforms_train.json", &args->scene);
   command->add_option("--cameras", args->scene.cameras,
                       "transforms.json or COLMAP model instead of transforms_train.json");
-  command->add_option("-o,--output,--out", args->out, "folder for the scene")->required();
+  AddOutputOption(command, "folder for the scene", &args->out);
   command
       ->add_option("--evaluate-every", args->evaluate_every,
                    "also score the test views every so many iterations; 0: only at the end")

@@ -45,5 +45,15 @@ TEST(TrainCommand, AMistakeLeavesTheSceneOfAnEarlierRun) {
   }
 }
 
+// Files of the root folder were removed.
+TEST(TrainCommand, AnEmptyOutputFolderIsRefused) {
+  TempDir dir;
+  for (const char* command : {"train", "table"}) {
+    const SubprocessResult result = RunBench(command, {dir.path(), "-o", ""});
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_THAT(result.tail, testing::HasSubstr("--output takes the name of a folder")) << command;
+  }
+}
+
 }  // namespace
 }  // namespace litags

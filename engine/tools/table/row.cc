@@ -1,8 +1,10 @@
 #include "engine/tools/table/row.h"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 #include "engine/core/json_text.h"
 
@@ -49,6 +51,10 @@ std::string CsvField(const Json& value) {
 }
 
 }  // namespace
+
+std::string TableRow::PsnrText() const {
+  return psnr.has_value() && std::isfinite(*psnr) ? absl::StrFormat("%.2f", *psnr) : "infinite";
+}
 
 std::string TableRow::ToJson() const { return JsonText(JsonOf(*this), 1); }
 

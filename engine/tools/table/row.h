@@ -17,7 +17,7 @@ namespace litags {
 struct TableRow {
   std::string scene, light, method;
   std::string error;                  // why there is nothing below; empty: there is
-  std::optional<double> psnr, ssim;   // no truth photo of any test view: none
+  std::optional<double> psnr, ssim;   // no truth photo of any test view, or infinite: none
   std::optional<double> lpips;        // nor without a network
   std::optional<double> psnr_affine;  // after one colour fit for all views; a diagnostic
   double seconds = 0;                 // wall time of the training iterations
@@ -33,8 +33,9 @@ struct TableRow {
   std::string build;  // fingerprint of the program that made it: TRAINED, or TRAINED+SCORED
 
   bool ok() const { return error.empty(); }
-  bool scored() const { return ok() && psnr.has_value(); }
-  std::string ToJson() const;  // an object
+  bool scored() const { return ok() && views > 0; }
+  std::string PsnrText() const;  // "25.50"; "infinite" where a render equals its truth
+  std::string ToJson() const;    // an object
 };
 
 absl::StatusOr<TableRow> ParseTableRow(std::string_view json, std::string_view field);

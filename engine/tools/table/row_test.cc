@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "engine/io/file_util.h"
@@ -100,6 +101,20 @@ TEST(TableMarkdown, ScenesWithoutTruthAreNamedAndHaveNoFigures) {
   const std::string none = text({blind});
   EXPECT_EQ(none.find("PSNR↑"), std::string::npos) << none;
   EXPECT_NE(none.find("| litags | – | 2.5 |"), std::string::npos) << none;
+}
+
+TEST(TableMarkdown, ARenderThatEqualsItsTruthTakesNoOtherFiguresAway) {
+  TableRow equal = Row("a", "litags", std::numeric_limits<double>::infinity());
+  equal.ssim = 0.75;
+  equal = ParseTableRow(equal.ToJson(), "row").value();
+  EXPECT_TRUE(equal.scored());
+  EXPECT_EQ(equal.PsnrText(), "infinite");
+  const TableRow other = Row("a", "3dgs", 20);
+  EXPECT_EQ(other.PsnrText(), "20.00");
+  const std::string text = TableMarkdown({other, equal}, Methods({"3dgs", "litags"}), "# T");
+  EXPECT_NE(text.find("| 3dgs | **20.00** | 0.200 |"), std::string::npos) << text;
+  EXPECT_NE(text.find("| litags | – | **0.750** |"), std::string::npos) << text;
+  EXPECT_EQ(text.find("no figures"), std::string::npos) << text;
 }
 
 TEST(TableMarkdown, ShowsFlickerWhereItWasMeasured) {

@@ -86,9 +86,9 @@ absl::Status WriteTableSheet(const TableOptions& options, const TableScene& scen
       if (method.name != row.method) continue;
       const TableCell cell(options, scene, light, method);
       const std::string label =
-          row.scored()
-              ? absl::StrFormat("%s\n%.2f dB, %.3f", row.method, *row.psnr, row.ssim.value_or(NAN))
-              : absl::StrCat(row.method, row.ok() ? "\nno truth" : "\nfailed");
+          row.scored() ? absl::StrFormat("%s\n%s dB, %.3f", row.method, row.PsnrText(),
+                                         row.ssim.value_or(NAN))
+                       : absl::StrCat(row.method, row.ok() ? "\nno truth" : "\nfailed");
       sheet.rows.push_back(
           row.ok() ? PictureRow(label, views, cell.RunDir() + "/test", cell.RunDir() + "/error")
                    : PictureRow(label, views, "", ""));

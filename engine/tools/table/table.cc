@@ -33,8 +33,9 @@ absl::Status WriteTexts(const TableOptions& options, const std::vector<TableRow>
 std::string Describe(const TableRow& row) {
   if (!row.ok()) return absl::StrCat("FAILED: ", row.error);
   std::string text = "no truth photo to score against  ";
-  if (row.scored())
-    text = absl::StrFormat("PSNR %.2f dB  SSIM %.4f  ", *row.psnr, row.ssim.value_or(NAN));
+  if (row.scored()) {
+    text = absl::StrFormat("PSNR %s dB  SSIM %.4f  ", row.PsnrText(), row.ssim.value_or(NAN));
+  }
   if (row.lpips.has_value()) absl::StrAppendFormat(&text, "LPIPS %.3f  ", *row.lpips);
   absl::StrAppendFormat(&text, "%.1f s  %d Gaussians  %.0f MiB", row.seconds, row.gaussians,
                         row.peak_rss_bytes / 1048576.0);
@@ -54,6 +55,7 @@ class TableRun {
       if (!options_.fresh) return;
       fs::remove_all(cell.RunDir(), ignored);
       fs::remove_all(cell.TrainingDir(), ignored);
+      fs::remove_all(cell.CamerasDir(), ignored);
     });
     for (const TableScene& scene : options_.scenes) {
       for (const std::string& light : options_.lights) {

@@ -36,6 +36,18 @@ std::string Times3(int channels) {
   return model.Bytes();
 }
 
+// How the cameras in `dir` are said to have been found; true if it was `name` already.
+bool ReplacePreparation(const std::string& dir, const std::string& name) {
+  const std::string path = dir + "/registration.json";
+  const auto text = ReadFile(path, path, 1 << 20);
+  EXPECT_TRUE(text.ok()) << text.status();
+  Json json = Json::parse(text.value_or("{}"));
+  const bool same = json["preparation"] == name;
+  json["preparation"] = name;
+  EXPECT_TRUE(WriteFileAtomically(path, json.dump()).ok());
+  return same;
+}
+
 class TableTest : public testing::Test {
  protected:
   // The folder that a download of LOM leaves.
@@ -368,7 +380,24 @@ TEST_F(TableTest, AMeasuredRunBeginsAtTheBeginning) {
     ASSERT_TRUE(result.ok()) << result.status();
     EXPECT_EQ(result->exit_code, 0) << result->tail;
     EXPECT_EQ(result->tail.find("nan"), std::string::npos) << result->tail;
+    EXPECT_FALSE(ReplacePreparation(out_ / "run/cameras", "kept"));
   }
+  // Not even where the new cameras would be written.
+  child.args.back() = out_ / "run/cameras";
+  const auto refused = RunSubprocess(child, CancelToken());
+  ASSERT_TRUE(refused.ok()) << refused.status();
+  EXPECT_EQ(refused->exit_code, 2) << refused->tail;
+  EXPECT_TRUE(std::filesystem::exists(out_ / "run/cameras/registration.json"));
+}
+
+TEST_F(TableTest, FreshCamerasAreMadeAnew) {
+  const std::string cameras = out_ / "out/cameras/room/low/cameras";
+  ASSERT_EQ(Run({"--light", "low", "--methods", "3dgs"}).exit_code, 0);
+  EXPECT_FALSE(ReplacePreparation(cameras, "kept"));
+  ASSERT_EQ(Run({"--light", "low", "--methods", "3dgs"}).exit_code, 0);
+  EXPECT_TRUE(ReplacePreparation(cameras, "kept"));
+  ASSERT_EQ(Run({"--light", "low", "--methods", "3dgs", "--fresh"}).exit_code, 0);
+  EXPECT_FALSE(ReplacePreparation(cameras, "kept"));
 }
 
 TEST_F(TableTest, AnUnknownMethodIsRefusedWithAListOfThoseThatExist) {
