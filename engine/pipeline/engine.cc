@@ -1,5 +1,6 @@
 #include "engine/pipeline/engine.h"
 
+#include <mutex>
 #include <opencv2/core/utility.hpp>
 #include <utility>
 
@@ -29,13 +30,21 @@ class SilentObserver : public ReconstructObserver {
 // OpenCV has a pool of its own, as large as the machine unless it is told.
 class OpenCvThreads {
  public:
-  explicit OpenCvThreads(int threads) { cv::setNumThreads(threads); }
-  ~OpenCvThreads() { cv::setNumThreads(before_); }
+  explicit OpenCvThreads(int threads) {
+    const std::lock_guard lock(mutex_);
+    if (runs_++ == 0) before_ = cv::getNumThreads();
+    cv::setNumThreads(threads);
+  }
+  ~OpenCvThreads() {
+    const std::lock_guard lock(mutex_);
+    if (--runs_ == 0) cv::setNumThreads(before_);
+  }
   OpenCvThreads(const OpenCvThreads&) = delete;
   OpenCvThreads& operator=(const OpenCvThreads&) = delete;
 
  private:
-  const int before_ = cv::getNumThreads();
+  static inline std::mutex mutex_;
+  static inline int runs_ = 0, before_ = 0;
 };
 
 class RealEngine : public Engine {

@@ -48,12 +48,13 @@ class Engine {
 
   // Photos to scene. Several may run at once, each in a work_dir of its own: one that another run
   // is in is refused (FAILED_PRECONDITION, WORK_DIR_IN_USE). OpenCV's number of threads belongs to
-  // the process: the run that began last sets it, and each puts back what it found.
-  // No input may lie in a folder that the run writes into (INPUT_IN_WORK_DIR). Resumes
-  // from work_dir's checkpoint if there is one made from the same photos and options, save more
-  // iterations of the same schedule. CANCELLED soon after the token is raised; INVALID_ARGUMENT or
-  // FAILED_PRECONDITION (with an ErrorDetail) if the photos cannot give a scene. `observer` may be
-  // null.
+  // the process: the run that began last sets it, and the last to end puts back what the first
+  // found. A video that this process decodes sets FFmpeg's log level (quiet) and largest
+  // allocation, which stay. No input may lie in a folder that the run writes into
+  // (INPUT_IN_WORK_DIR). Resumes from work_dir's checkpoint if there is one made from the same
+  // photos and options, save more iterations of the same schedule. CANCELLED soon after the token
+  // is raised; INVALID_ARGUMENT or FAILED_PRECONDITION (with an ErrorDetail) if the photos cannot
+  // give a scene. `observer` may be null.
   virtual absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput& input,
                                                         const ReconstructOptions& options,
                                                         const CancelToken& cancel,

@@ -4,11 +4,13 @@
 
 #include <cmath>
 #include <filesystem>
+#include <future>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -52,6 +54,7 @@ TEST(Reconstruct, TurnsPhotosIntoASceneAndAReport) {
   EXPECT_EQ(report->sparse_points, kPoints);
   EXPECT_EQ(report->gaussians, kPoints);  // density control starts later
   EXPECT_EQ(report->iterations, kIterations);
+  EXPECT_EQ(report->first_iteration, 0);
   EXPECT_GT(report->training_seconds, 0);
   EXPECT_GE(report->seconds, report->training_seconds);
   for (const char* phase : {"forward", "losses", "denoise", "backward"}) {
@@ -344,6 +347,37 @@ TEST(Reconstruct, OneThreadIsOneThread) {
   EXPECT_EQ(threads(), before);       // pools outlive their loops
   EXPECT_EQ(opencv, 1);               // its own starts with larger photos than these
   EXPECT_EQ(cv::getNumThreads(), 2);  // as it was
+}
+
+// The one that began last ended last, and put back what the other had set.
+TEST(Reconstruct, OverlappingRunsPutOpenCvsThreadsBack) {
+  const Photographs photos;
+  std::promise<void> first_began, second_began, first_ended;
+  ReconstructOptions options = SmallOptions();
+  options.iterations = 2;
+  const auto run = [&](const std::string& work, std::promise<void>* began,
+                       std::promise<void>* wait_for) {
+    Recorder recorder;
+    bool told = false;
+    recorder.on_progress = [&](const Progress&) {
+      if (std::exchange(told, true)) return;
+      began->set_value();
+      wait_for->get_future().wait();
+    };
+    const auto report =
+        MakeEngine(kNoColmap)->Reconstruct(photos.Input(work), options, CancelToken(), &recorder);
+    EXPECT_TRUE(report.ok()) << report.status();
+  };
+  cv::setNumThreads(2);
+  std::thread first([&] {
+    run("first", &first_began, &second_began);
+    first_ended.set_value();
+  });
+  first_began.get_future().wait();
+  std::thread second([&] { run("second", &second_began, &first_ended); });
+  first.join();
+  second.join();
+  EXPECT_EQ(cv::getNumThreads(), 2);
 }
 
 // The second one removed files of the first, and both wrote one scene.

@@ -29,6 +29,7 @@ std::string ReconstructReport::ToJson() const {
                                {"sparse_points", sparse_points},
                                {"gaussians", gaussians},
                                {"iterations", iterations},
+                               {"first_iteration", first_iteration},
                                {"seconds", seconds},
                                {"training_seconds", training_seconds},
                                {"camera_seconds", camera_seconds},

@@ -51,6 +51,9 @@ struct ReconstructReport {
   int64_t sparse_points = 0;
   int64_t gaussians = 0;
   int iterations = 0;
+  // Those before it are of earlier runs, which left a checkpoint. All seconds are of the run that
+  // finished.
+  int first_iteration = 0;
   double seconds = 0;           // from the first photo to the report
   double training_seconds = 0;  // of them in iterations
   // Of finding cameras, all preparations together: "prepare", "features", "match", "verify", "map".

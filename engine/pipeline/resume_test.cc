@@ -63,6 +63,8 @@ TEST(Resume, GoesOnAfterACancelAsIfNothingHadHappened) {
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_THAT(report->notes, Contains("resumed at iteration 20"));
   EXPECT_EQ(report->iterations, kIterations);
+  EXPECT_EQ(report->first_iteration, 20);
+  EXPECT_THAT(Bytes(parts.work_dir + "/report.json"), HasSubstr("\"first_iteration\": 20,"));
   EXPECT_TRUE(SceneBytes(parts) == SceneBytes(whole));
 }
 

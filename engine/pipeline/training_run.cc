@@ -104,6 +104,7 @@ absl::Status TrainingRun::Resume() {
 }
 
 absl::Status TrainingRun::Train() {
+  context_.report->first_iteration = trainer_.iteration();
   progress_.iteration = trainer_.iteration();
   progress_.gaussians = static_cast<int64_t>(trainer_.num_gaussians());
   leg_ = NewLeg();

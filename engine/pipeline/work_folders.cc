@@ -48,6 +48,10 @@ absl::Status CheckOutside(const std::string& work_dir, absl::Span<const absl::st
 }
 
 absl::Status CheckInputsOutside(const ReconstructInput& input) {
+  if (input.work_dir.empty()) {
+    return InvalidInput("WORK_DIR_MISSING", "work_dir",
+                        "no output folder is named; name one, \".\" for the current folder");
+  }
   std::vector<absl::string_view> written = {
       "photos", "found_masks", "sfm", "wide_views", "wide_views_2", "cameras", "solved_fisheyes"};
   if (!input.video_path.empty()) written.push_back("frames");

@@ -22,7 +22,8 @@ namespace litags {
 absl::Status CheckOutside(const std::string& work_dir, absl::Span<const absl::string_view> folders,
                           absl::Span<const std::string> inputs);
 
-// The same of all that a run reads and all folders that it writes into.
+// The same of all that a run reads and all folders that it writes into. INVALID_ARGUMENT
+// (WORK_DIR_MISSING) if work_dir is empty.
 absl::Status CheckInputsOutside(const ReconstructInput& input);
 
 // Holds the lock of a folder. It leaves no file there, ends with the process, and is no child's.

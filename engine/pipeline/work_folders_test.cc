@@ -57,6 +57,16 @@ TEST(WorkFolders, TheFramesOfAnEarlierStepAreAnInput) {
   EXPECT_EQ(Reason(CheckInputsOutside(input)), "INPUT_IN_WORK_DIR");
 }
 
+// Files of the root folder were removed and written.
+TEST(WorkFolders, AnEmptyNameIsNone) {
+  const RoomCapture capture(6);
+  ReconstructInput input = capture.Input("work");
+  input.work_dir.clear();
+  const absl::Status status = Train(input, capture.Options(10)).status();
+  EXPECT_EQ(Reason(status), "WORK_DIR_MISSING");
+  EXPECT_EQ(GetErrorDetail(status)->field, "work_dir");
+}
+
 // One photo that is left out made a run clear work_dir/photos, and fill it with links.
 TEST(WorkFolders, ARunLeavesThePhotosBesideItsOutputAlone) {
   const RoomCapture capture(6);

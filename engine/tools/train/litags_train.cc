@@ -201,10 +201,14 @@ absl::StatusOr<int> CountTestPhotos(const Arguments& args, const ReconstructRepo
 }
 
 void PrintReport(const ReconstructReport& report, int test_photos) {
-  std::printf("%d of %d photos placed (%s)%s, %d Gaussians, %d iterations in %.1f s: %s\n",
-              report.registered, report.photos - test_photos, report.sfm_preparation.c_str(),
+  const std::string iterations =
+      report.first_iteration == 0
+          ? absl::StrCat(report.iterations, " iterations")
+          : absl::StrCat("iterations ", report.first_iteration, " to ", report.iterations);
+  std::printf("%d of %d photos placed (%s)%s, %d Gaussians, %s in %.1f s: %s\n", report.registered,
+              report.photos - test_photos, report.sfm_preparation.c_str(),
               test_photos > 0 ? absl::StrCat(", test views: ", test_photos).c_str() : "",
-              static_cast<int>(report.gaussians), report.iterations, report.seconds,
+              static_cast<int>(report.gaussians), iterations.c_str(), report.seconds,
               report.scene_path.c_str());
 }
 
