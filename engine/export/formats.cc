@@ -1,5 +1,7 @@
 #include "engine/export/formats.h"
 
+#include <iterator>
+
 #include "engine/core/check.h"
 #include "engine/io/ply.h"
 #include "engine/render/constants.h"
@@ -37,7 +39,10 @@ absl::Span<const FormatInfo> Formats() {
   return absl::MakeConstSpan(kFormats).first(static_cast<size_t>(SceneFormat::kPoints));
 }
 
+bool IsFormat(SceneFormat format) { return static_cast<size_t>(format) < std::size(kFormats); }
+
 const FormatInfo& InfoOf(SceneFormat format) {
+  LITAGS_CHECK(IsFormat(format));
   const FormatInfo& info = kFormats[static_cast<size_t>(format)];
   LITAGS_CHECK(info.format == format);
   return info;

@@ -29,6 +29,8 @@ struct FormatInfo {
 
 // Those of Gaussians, in the order of SceneFormat.
 absl::Span<const FormatInfo> Formats();
+// Whether it is a value of SceneFormat, as InfoOf needs it.
+bool IsFormat(SceneFormat format);
 const FormatInfo& InfoOf(SceneFormat format);
 
 absl::StatusOr<std::string> EncodeStandardPly(const ViewerScene& scene);

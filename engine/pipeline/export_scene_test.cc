@@ -199,6 +199,10 @@ TEST(ExportScene, WhatCannotBeIsRefused) {
     EXPECT_EQ(reason([&](ExportRequest* r) { r->scale = scale; }), "EXPORT_OPTION_INVALID");
   }
   EXPECT_EQ(reason([](ExportRequest* r) { r->max_splats = -1; }), "EXPORT_OPTION_INVALID");
+  for (const int format : {-1, static_cast<int>(SceneFormat::kMeshGlb) + 1, 1000}) {
+    EXPECT_EQ(reason([&](ExportRequest* r) { r->format = static_cast<SceneFormat>(format); }),
+              "EXPORT_OPTION_INVALID");
+  }
   EXPECT_EQ(reason([&](ExportRequest* r) {
               r->crop = Box{{0, 0, 0}, {1, kNan, 1}};
             }),

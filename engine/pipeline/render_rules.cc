@@ -73,6 +73,10 @@ absl::Status CheckExport(const ExportRequest& request) {
                                             "; give the lower corner, then the upper one"));
     }
   }
+  if (!IsFormat(request.format)) {
+    return BadOption("format", absl::StrCat(" is ", static_cast<int>(request.format),
+                                            "; it must be a value of SceneFormat"));
+  }
   const FormatInfo& info = InfoOf(request.format);
   if (request.antialiased && !info.has_antialiased_tag) {
     return BadOption("antialiased", absl::StrCat(": ", info.name, " has no tag for it; ",
