@@ -86,12 +86,14 @@ absl::Status OutputFile::Open(const std::string& path) {
 }
 
 absl::Status OutputFile::Write(std::string_view bytes) {
+  if (file_ == nullptr) return NotOpen();
   written_ = true;
   if (std::fwrite(bytes.data(), 1, bytes.size(), file_) != bytes.size()) return Failed();
   return absl::OkStatus();
 }
 
 absl::Status OutputFile::Commit() {
+  if (file_ == nullptr) return NotOpen();
   std::FILE* file = file_;
   if (std::fflush(file) != 0) return Failed();
   file_ = nullptr;
@@ -102,6 +104,11 @@ absl::Status OutputFile::Commit() {
   const absl::Status status = Failed();
   if (!part_path_.empty()) std::remove(part_path_.c_str());
   return status;
+}
+
+absl::Status OutputFile::NotOpen() const {
+  return LocalError(absl::StatusCode::kDataLoss, "OUTPUT_FAILED", field_,
+                    absl::StrCat(path_, ": is not open; begin it with Open"));
 }
 
 absl::Status OutputFile::Failed() {

@@ -26,7 +26,8 @@ class OutputFile {
   OutputFile& operator=(const OutputFile&) = delete;
   ~OutputFile();
 
-  // Begins the file, or begins it anew. What is no file cannot be begun anew after a Write().
+  // Begins the file, or begins it anew. What is no file cannot be begun anew after a Write(). The
+  // other calls need one that was OK.
   absl::Status Open(const std::string& path);
   absl::Status Write(std::string_view bytes);
   absl::Status Commit();
@@ -36,6 +37,7 @@ class OutputFile {
  private:
   // Closes and removes what was begun.
   void Discard();
+  absl::Status NotOpen() const;
   absl::Status Failed();
 
   std::string field_, path_;

@@ -229,6 +229,8 @@ TEST(OutputFile, SaysWhereItCannotBeWritten) {
   EXPECT_EQ(ReasonOf(file.Open("/no/such/folder/x.png")), "OUTPUT_NOT_WRITABLE");
   EXPECT_EQ(ReasonOf(file.Open(std::filesystem::temp_directory_path().string())),
             "OUTPUT_NOT_WRITABLE");
+  EXPECT_EQ(ReasonOf(file.Write("x")), "OUTPUT_FAILED");
+  EXPECT_EQ(ReasonOf(file.Commit()), "OUTPUT_FAILED");
 }
 
 }  // namespace
