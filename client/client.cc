@@ -28,6 +28,13 @@ bool IsAnswer(const absl::Status& status) {
 
 double Seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
+// Of any number of seconds, also of infinitely many.
+std::chrono::system_clock::time_point After(double seconds) {
+  constexpr double kYear = 365 * 86400.0;
+  const double wait = seconds < kYear ? std::max(seconds, 0.0) : kYear;
+  return std::chrono::system_clock::now() + std::chrono::milliseconds(int64_t(1000 * wait));
+}
+
 double RandomFactor() {
   thread_local std::minstd_rand generator(std::random_device{}());
   return std::uniform_real_distribution<double>(0.8, 1.2)(generator);
@@ -119,8 +126,7 @@ absl::StatusOr<Response> Client::Unary(Call call) {
   Response response;
   const absl::Status status = Retry([&](bool*) {
     grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() +
-                         std::chrono::milliseconds(int64_t(1000 * options_.call_seconds)));
+    context.set_deadline(After(options_.call_seconds));
     Interrupt::Scope scope(interrupt_, context);
     return FromGrpc(call(&context, &response));
   });
@@ -285,14 +291,23 @@ absl::StatusOr<v1::RenderedView> Client::RenderView(const v1::RenderViewRequest&
 absl::StatusOr<v1::ListCamerasResponse> Client::ListCameras(const std::string& name) {
   v1::ListCamerasRequest request;
   request.set_name(name);
-  return Unary(*render_, &v1::RenderService::Stub::ListCameras, request);
+  v1::ListCamerasResponse all;
+  do {
+    auto page = Unary(*render_, &v1::RenderService::Stub::ListCameras, request);
+    if (!page.ok()) return page.status();
+    request.set_page_token(page->next_page_token());
+    all.MergeFrom(*page);  // adds the cameras
+  } while (!request.page_token().empty());
+  all.clear_next_page_token();
+  return all;
 }
 
 absl::Status Client::RenderPath(
     const v1::RenderPathRequest& request,
     absl::FunctionRef<absl::Status(const v1::RenderPathResponse&)> on_frame) {
   int next = 0;
-  return Retry([&](bool* progressed) {
+  absl::Status refused;  // by on_frame: whatever its code, the call is not made again
+  const absl::Status call = Retry([&](bool* progressed) {
     // A path cannot be taken up in the middle: a newer snapshot could make the rest look different.
     if (next > 0) {
       return LocalError(absl::StatusCode::kAborted, "PATH_INTERRUPTED", "",
@@ -305,7 +320,7 @@ absl::Status Client::RenderPath(
     v1::RenderPathResponse response;
     int frames = 0;
     absl::Status status;
-    while (status.ok() && reader->Read(&response)) {
+    while (status.ok() && refused.ok() && reader->Read(&response)) {
       *progressed = true;
       frames = response.frames();
       if (response.frame() != next++) {
@@ -313,45 +328,46 @@ absl::Status Client::RenderPath(
                             absl::StrCat("frame ", response.frame(), " came instead of frame ",
                                          next - 1, "; this is a defect of the server"));
       } else {
-        status = on_frame(response);
+        refused = on_frame(response);
       }
     }
-    if (!status.ok()) context.TryCancel();
+    if (!status.ok() || !refused.ok()) context.TryCancel();
     const absl::Status finished = FromGrpc(reader->Finish());
-    if (!status.ok()) return status;
+    if (!status.ok() || !refused.ok()) return status;
     if (finished.ok() && (next == 0 || next != frames)) {
       return LocalError(absl::StatusCode::kInternal, "FRAMES_BROKEN", "frame",
                         absl::StrCat("the path ended after ", next, " of ", frames, " frames"));
     }
     return finished;
   });
+  return refused.ok() ? call : refused;
 }
 
 absl::Status Client::ExportModel(const v1::ExportModelRequest& request,
                                  absl::FunctionRef<absl::Status(const v1::ExportHeader&)> on_header,
                                  absl::FunctionRef<absl::Status(std::string_view bytes)> on_bytes) {
-  int64_t most = -1;  // that a try received: each begins with the first byte
-  return Retry([&](bool* progressed) {
+  int64_t most = -1;     // that a try received: each begins with the first byte
+  absl::Status refused;  // by on_header or on_bytes, as in RenderPath
+  const absl::Status call = Retry([&](bool* progressed) {
     grpc::ClientContext context;
     Interrupt::Scope scope(interrupt_, context);
     auto reader = model_->ExportModel(&context, request);
     v1::ExportModelResponse response;
     int64_t expected = -1, received = 0;
-    absl::Status status;
-    while (status.ok() && reader->Read(&response)) {
+    while (refused.ok() && reader->Read(&response)) {
       if (response.has_header()) {
         expected = response.header().size_bytes();
-        status = on_header(response.header());
+        refused = on_header(response.header());
       } else {
         received += static_cast<int64_t>(response.chunk().size());
-        status = on_bytes(response.chunk());
+        refused = on_bytes(response.chunk());
       }
       *progressed |= received > most;
       most = std::max(most, received);
     }
-    if (!status.ok()) context.TryCancel();
+    if (!refused.ok()) context.TryCancel();
     const absl::Status finished = FromGrpc(reader->Finish());
-    if (!status.ok()) return status;
+    if (!refused.ok()) return absl::OkStatus();
     if (finished.ok() && received != expected) {
       return LocalError(
           absl::StatusCode::kInternal, "EXPORT_BROKEN", "",
@@ -359,6 +375,7 @@ absl::Status Client::ExportModel(const v1::ExportModelRequest& request,
     }
     return finished;
   });
+  return refused.ok() ? call : refused;
 }
 
 absl::StatusOr<bool> Client::IsServing() {
@@ -368,8 +385,7 @@ absl::StatusOr<bool> Client::IsServing() {
   std::string response_bytes;
   const absl::Status status = Retry([&](bool*) {
     grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() +
-                         std::chrono::milliseconds(int64_t(1000 * options_.call_seconds)));
+    context.set_deadline(After(options_.call_seconds));
     Interrupt::Scope scope(interrupt_, context);
     grpc::ByteBuffer request(&slice, 1), response;
     grpc::CompletionQueue queue;

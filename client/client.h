@@ -92,7 +92,8 @@ class Client {
                           absl::FunctionRef<absl::Status(const v1::RenderPathResponse&)> on_frame);
 
   // The file's header, then its bytes in order. After a broken connection it begins again, with
-  // on_header. INTERNAL (EXPORT_BROKEN) if the length is not the announced one.
+  // on_header. An error of theirs ends the call and is returned. INTERNAL (EXPORT_BROKEN) if the
+  // length is not the announced one.
   absl::Status ExportModel(const v1::ExportModelRequest& request,
                            absl::FunctionRef<absl::Status(const v1::ExportHeader&)> on_header,
                            absl::FunctionRef<absl::Status(std::string_view bytes)> on_bytes);
