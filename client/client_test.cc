@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <future>
+#include <limits>
 #include <thread>
 #include <vector>
 
@@ -33,6 +34,7 @@ class ClientTest : public ::testing::Test {
     grpc::ServerBuilder builder;
     builder.RegisterService(&service_);
     builder.RegisterService(&model_);
+    builder.RegisterService(&render_);
     builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
     server_ = builder.BuildAndStart();
     ClientOptions options;
@@ -70,6 +72,7 @@ class ClientTest : public ::testing::Test {
   fs::path dir_;
   FakeReconstruction service_;
   FakeModel model_;
+  FakeRender render_;
   int port_ = 0;
   std::unique_ptr<grpc::Server> server_;
   Interrupt interrupt_;
@@ -168,6 +171,31 @@ TEST_F(ClientTest, AnUnreadablePhotoThatComesLastIsNamedToo) {
   EXPECT_EQ(last_progress_.files, 4);
   EXPECT_EQ(last_progress_.files_done, 4);
   EXPECT_THAT(last_progress_.left_out, ElementsAre(HasSubstr("bad.jpg is left out: ")));
+}
+
+TEST_F(ClientTest, AnUnreadablePhotoAfterItsMaskTakesNothingElseAlong) {
+  std::vector<LocalFile> files;
+  const auto add = [&](const std::string& name, v1::FileRole role, const std::string& content) {
+    Write(name, content);
+    files.push_back({dir_ / name, name, role, "", static_cast<int64_t>(content.size()), ""});
+  };
+  add("bad.png", v1::FILE_ROLE_MASK, std::string(9 << 20, 'x'));  // alone in the first stream
+  add("bad_mask.png", v1::FILE_ROLE_MASK, "x");
+  for (const char* name : {"bad.jpg", "a.jpg", "b.jpg", "c.jpg"}) {
+    add(name, v1::FILE_ROLE_PHOTO, "x");
+  }
+  add("a.png", v1::FILE_ROLE_MASK, "x");
+  const absl::Status status =
+      UploadFiles(*client_, "jobs/1", files,
+                  [this](const UploadProgress& progress) { last_progress_ = progress; });
+  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_THAT(service_.state()->stored,
+              ElementsAre(std::pair("a.jpg", "x"), std::pair("a.png", "x"), std::pair("b.jpg", "x"),
+                          std::pair("c.jpg", "x")));
+  EXPECT_EQ(files.size(), 4u);
+  EXPECT_EQ(last_progress_.files_done, 4);
+  EXPECT_EQ(last_progress_.bytes_done, 4);
+  EXPECT_EQ(last_progress_.bytes, 4);
 }
 
 TEST_F(ClientTest, WatchingOverABreakingConnectionLosesAndDoublesNothing) {
@@ -427,6 +455,33 @@ TEST_F(ClientTest, AnErrorOfTheReceiverEndsAnExport) {
       {}, [](const v1::ExportHeader&) { return absl::ResourceExhaustedError("disk full"); },
       [](std::string_view) { return absl::OkStatus(); });
   EXPECT_EQ(status.message(), "disk full");
+}
+
+// Whatever the code: it is no broken connection's.
+TEST_F(ClientTest, ACallIsNotMadeAgainForAnErrorOfTheReceiver) {
+  for (const absl::Status& mine : {absl::CancelledError("enough"), absl::UnavailableError("enough"),
+                                   absl::DeadlineExceededError("enough")}) {
+    model_.calls = render_.calls = 0;
+    EXPECT_EQ(client_->ExportModel(
+                  {}, [](const v1::ExportHeader&) { return absl::OkStatus(); },
+                  [&](std::string_view) { return mine; }),
+              mine);
+    EXPECT_EQ(client_->ExportModel(
+                  {}, [&](const v1::ExportHeader&) { return mine; },
+                  [](std::string_view) { return absl::OkStatus(); }),
+              mine);
+    EXPECT_EQ(model_.calls, 2);
+    EXPECT_EQ(client_->RenderPath({}, [&](const v1::RenderPathResponse&) { return mine; }), mine);
+    EXPECT_EQ(render_.calls, 1);
+  }
+}
+
+TEST_F(ClientTest, CallsMayHaveAllTheTimeThatThereIs) {
+  ClientOptions options;
+  for (const double seconds : {1e10, std::numeric_limits<double>::infinity()}) {
+    options.call_seconds = seconds;
+    EXPECT_TRUE(Client(server_->InProcessChannel({}), options, interrupt_).GetJob("jobs/1").ok());
+  }
 }
 
 TEST(JobName, TakesBothForms) {

@@ -14,6 +14,7 @@
 #include "litags/v1/errors.pb.h"
 #include "litags/v1/model_service.grpc.pb.h"
 #include "litags/v1/reconstruction_service.grpc.pb.h"
+#include "litags/v1/render_service.grpc.pb.h"
 
 namespace litags::client {
 
@@ -116,6 +117,13 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
     return grpc::Status::OK;
   }
 
+  grpc::Status DeleteFile(grpc::ServerContext*, const v1::DeleteFileRequest* request,
+                          google::protobuf::Empty*) override {
+    return state()->stored.erase(request->file_name()) > 0 || request->allow_missing()
+               ? grpc::Status::OK
+               : Refusal(grpc::NOT_FOUND, "JOB_FILE_NOT_FOUND", "file_name");
+  }
+
   grpc::Status StartJob(grpc::ServerContext*, const v1::StartJobRequest* request,
                         v1::Job* job) override {
     const Locked now = state();
@@ -199,12 +207,31 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
   State state_;
 };
 
+// Three frames without a picture.
+class FakeRender : public v1::RenderService::Service {
+ public:
+  std::atomic<int> calls = 0;
+  grpc::Status RenderPath(grpc::ServerContext*, const v1::RenderPathRequest*,
+                          grpc::ServerWriter<v1::RenderPathResponse>* writer) override {
+    ++calls;
+    v1::RenderPathResponse response;
+    response.set_frames(3);
+    for (int frame = 0; frame < 3; ++frame) {
+      response.set_frame(frame);
+      writer->Write(response);
+    }
+    return grpc::Status::OK;
+  }
+};
+
 class FakeModel : public v1::ModelService::Service {
  public:
+  std::atomic<int> calls = 0;
   std::atomic<int64_t> announced = 5;
   std::atomic<bool> breaks = false;  // always, in the middle
   grpc::Status ExportModel(grpc::ServerContext*, const v1::ExportModelRequest*,
                            grpc::ServerWriter<v1::ExportModelResponse>* writer) override {
+    ++calls;
     v1::ExportModelResponse response;
     response.mutable_header()->set_size_bytes(announced);
     writer->Write(response);

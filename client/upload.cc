@@ -170,9 +170,10 @@ bool IsMaskOf(const std::string& photo, const std::string& mask) {
 }
 
 // If `status` says that the service cannot read one of the photos and enough others remain, takes
-// that one out of `files`, with its mask; the files are sorted by role, photos first.
+// that one out of `files`, with its masks, whose names it adds. The first progress->files_done of
+// `files` are sent.
 bool LeaveOutUnreadable(const absl::Status& status, std::vector<LocalFile>* files,
-                        UploadProgress* progress) {
+                        UploadProgress* progress, std::vector<std::string>* masks) {
   if (status.ok()) return false;
   const v1::ErrorDetail detail = DetailOf(status);
   if (!detail.reason().starts_with("IMAGE_") && detail.reason() != "FILE_EMPTY") return false;
@@ -184,14 +185,42 @@ bool LeaveOutUnreadable(const absl::Status& status, std::vector<LocalFile>* file
   if (std::count_if(files->begin(), files->end(), is_photo) <= kMinPhotos) return false;
   const std::string photo = bad->name;
   progress->left_out.push_back(absl::StrCat(photo, " is left out: ", status.message()));
-  std::erase_if(*files, [&](const LocalFile& f) {
-    const bool gone =
-        is_photo(f) ? f.name == photo : f.role == v1::FILE_ROLE_MASK && IsMaskOf(photo, f.name);
-    if (gone) progress->bytes -= f.size_bytes;
-    return gone;
-  });
+  const auto sent = static_cast<size_t>(progress->files_done);
+  for (size_t i = files->size(); i-- > 0;) {
+    const LocalFile& f = (*files)[i];
+    const bool is_mask = f.role == v1::FILE_ROLE_MASK && IsMaskOf(photo, f.name);
+    if (!is_mask && !(is_photo(f) && f.name == photo)) continue;
+    if (is_mask) masks->push_back(f.name);
+    progress->bytes -= f.size_bytes;
+    if (i < sent) {
+      --progress->files_done;
+      progress->bytes_done -= f.size_bytes;
+    }
+    files->erase(files->begin() + static_cast<ptrdiff_t>(i));
+  }
   progress->files = static_cast<int>(files->size());
   return true;
+}
+
+// Those that the server has: a job with a mask of no photo does not start.
+absl::Status RemoveMasks(Client& client, const std::string& job,
+                         const std::vector<std::string>& masks) {
+  for (const std::string& mask : masks) {
+    v1::DeleteFileRequest request;
+    request.set_name(job);
+    request.set_role(v1::FILE_ROLE_MASK);
+    request.set_file_name(mask);
+    request.set_allow_missing(true);
+    const absl::Status status = client.Retry([&](bool*) {
+      grpc::ClientContext context;
+      context.set_deadline(std::chrono::system_clock::now() + kQueryPatience);
+      Interrupt::Scope scope(client.interrupt(), context);
+      google::protobuf::Empty response;
+      return FromGrpc(client.reconstruction().DeleteFile(&context, request, &response));
+    });
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -202,7 +231,8 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
   progress.files = static_cast<int>(files.size());
   for (const LocalFile& file : files) progress.bytes += file.size_bytes;
   on_progress(progress);
-  for (size_t first = 0; first < files.size();) {
+  while (static_cast<size_t>(progress.files_done) < files.size()) {
+    const auto first = static_cast<size_t>(progress.files_done);
     size_t last = first;
     int64_t bytes = 0;
     while (last < files.size() && last - first < kStreamFiles &&
@@ -216,7 +246,10 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
     }
     const absl::Status status =
         client.Retry([&](bool* progressed) { return batch.Send(progressed); });
-    if (!strict && LeaveOutUnreadable(status, &files, &progress)) {
+    std::vector<std::string> masks;
+    if (!strict && LeaveOutUnreadable(status, &files, &progress, &masks)) {
+      const absl::Status removed = RemoveMasks(client, job, masks);
+      if (!removed.ok()) return removed;
       on_progress(progress);
       continue;
     }
@@ -225,7 +258,6 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
     progress.bytes_done += bytes;
     for (const std::string& name : batch.response().skipped()) progress.skipped.push_back(name);
     on_progress(progress);
-    first = last;
   }
   return absl::OkStatus();
 }
