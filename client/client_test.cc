@@ -133,6 +133,23 @@ TEST_F(ClientTest, ARefusedFileIsNotSentAgain) {
   EXPECT_EQ(service_.state()->streams, 1);
 }
 
+TEST_F(ClientTest, NoPhotoIsSentBesideCamerasThatAreRefused) {
+  Write("a.jpg", "photo");
+  Write("m/cameras.txt", "cameras");
+  Write("m/images.txt", "images");
+  auto capture = ScanCapture(dir_.string(), (dir_ / "m").string(), "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  service_.state()->refused = "cameras.txt";
+  const auto upload = [&] {
+    return UploadFiles(*client_, "jobs/1", capture->files, [](const UploadProgress&) {});
+  };
+  EXPECT_EQ(DetailOf(upload()).reason(), "MODEL_CORRUPT");
+  EXPECT_EQ(service_.state()->announced.count("a.jpg"), 0);
+  service_.state()->refused = "";
+  EXPECT_EQ(upload(), absl::OkStatus());
+  EXPECT_EQ(service_.state()->stored.size(), 3u);
+}
+
 TEST_F(ClientTest, AVideoIsSentAsOneFile) {
   Write("night.MP4", "video");
   const auto capture = ScanCapture((dir_ / "night.MP4").string(), "", "", "");
@@ -478,7 +495,7 @@ TEST_F(ClientTest, ACallIsNotMadeAgainForAnErrorOfTheReceiver) {
 
 TEST_F(ClientTest, CallsMayHaveAllTheTimeThatThereIs) {
   ClientOptions options;
-  for (const double seconds : {1e10, std::numeric_limits<double>::infinity()}) {
+  for (const double seconds : {1.74e10, std::numeric_limits<double>::infinity()}) {
     options.call_seconds = seconds;
     EXPECT_TRUE(Client(server_->InProcessChannel({}), options, interrupt_).GetJob("jobs/1").ok());
   }

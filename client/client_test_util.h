@@ -6,6 +6,7 @@
 #include <chrono>
 #include <map>
 #include <mutex>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -36,6 +37,8 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
  public:
   struct State {
     std::map<std::string, std::string> stored;  // name to bytes
+    std::string refused;                        // name of a file
+    std::set<std::string> announced;            // names
     std::vector<std::string> request_ids;
     std::string start_request_id;
     int breaks_left = 0;     // streams (and StartJob answers) to break
@@ -76,7 +79,7 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
     const Locked now = state();
     for (const v1::FileHeader& file : request->files()) {
       v1::FileStatus* status = response->add_files();
-      const auto it = now->stored.find(file.name());
+      const auto it = now->stored.find(file.file_name());
       if (it == now->stored.end()) continue;
       status->set_offset(static_cast<int64_t>(it->second.size()));
       status->set_stored(status->offset() == file.size_bytes());
@@ -101,15 +104,17 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
       }
       if (request.has_file()) {
         header = request.file();
-        if (header.name() == "bad.jpg") return Refused("IMAGE_UNSUPPORTED", "images[bad.jpg]");
+        now->announced.insert(header.file_name());
+        if (header.file_name() == now->refused) return Refused("MODEL_CORRUPT", "colmap");
+        if (header.file_name() == "bad.jpg") return Refused("IMAGE_UNSUPPORTED", "images[bad.jpg]");
         if (now->breaks_left > 0 && files++ == now->break_after) {
           --now->breaks_left;
           return Broken();
         }
-        received += header.name() != "lost.jpg";
-        now->stored[header.name()].resize(static_cast<size_t>(header.offset()));
+        received += header.file_name() != "lost.jpg";
+        now->stored[header.file_name()].resize(static_cast<size_t>(header.offset()));
       } else {
-        now->stored[header.name()] += request.chunk();
+        now->stored[header.file_name()] += request.chunk();
       }
     }
     if (announced < 0) return Refused("UPLOAD_INCOMPLETE", "end.files");

@@ -71,7 +71,7 @@ int Export(Session& session, const ExportArgs& args) {
       [&](std::string_view bytes) { return file.Write(bytes); });
   if (status.ok()) status = file.Commit();
   if (!status.ok()) return ReportError(session, status, args.job);
-  Note(absl::StrCat(args.output, ": ", CountText(header.gaussians()), " ",
+  Note(absl::StrCat(args.output, ": ", CountText(header.elements()), " ",
                     ContentOf(request->format()), ", iteration ", header.iteration(), ", ",
                     BytesText(header.size_bytes())));
   return kExitOk;

@@ -35,7 +35,8 @@ struct PathArgs {
   int frames_per_second = 30;
   bool orbit = false, closed = false;
   std::vector<std::string> keyframes;
-  double radius_scale = 0, sweep_deg = 0;
+  double radius_scale = 0;
+  std::optional<double> sweep_deg;
   std::optional<double> elevation_deg;
   std::optional<int> frames;
   // At the path's ends.
@@ -133,7 +134,7 @@ absl::StatusOr<v1::RenderPathRequest> MakePathRequest(const PathArgs& args) {
   if (args.orbit) {
     v1::Orbit* orbit = request.mutable_orbit();
     orbit->set_radius_scale(args.radius_scale);
-    orbit->set_sweep_deg(args.sweep_deg);
+    if (args.sweep_deg) orbit->set_sweep_deg(*args.sweep_deg);
     if (args.elevation_deg) orbit->set_elevation_deg(*args.elevation_deg);
   }
   if (args.light_from) {

@@ -113,7 +113,8 @@ std::vector<std::string> DescribeFiles(const std::vector<v1::JobFile>& files) {
     if (file.role() != v1::FILE_ROLE_PHOTO) continue;
     photos.Add(file);
     if (file.found().left_out().empty()) continue;
-    left_out.push_back(absl::StrCat("left out: ", file.name(), ": it ", file.found().left_out()));
+    left_out.push_back(
+        absl::StrCat("left out: ", file.file_name(), ": it ", file.found().left_out()));
   }
   if (std::string text = photos.Text(); !text.empty()) parts.insert(parts.begin(), text);
   if (masks > 0) parts.push_back(Counted(masks, "mask"));
@@ -133,7 +134,7 @@ std::string FileTable(const std::vector<v1::JobFile>& files) {
         file.has_found() ? absl::StrFormat("%.1f", found.mean_code()) : "",
         found.has_stops() ? StopsText(found.stops()) : "",
         found.sharpness() > 0 ? absl::StrFormat("%.2f", found.sharpness()) : "",
-        Printable(file.name()),
+        Printable(file.file_name()),
         found.left_out().empty() ? "" : absl::StrCat("  (left out: it ", found.left_out(), ")"));
   }
   const bool measured = std::any_of(files.begin(), files.end(),

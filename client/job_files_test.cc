@@ -13,7 +13,7 @@ using ::testing::Not;
 
 v1::JobFile File(const std::string& name, v1::FileRole role) {
   v1::JobFile file;
-  file.set_name(name);
+  file.set_file_name(name);
   file.set_role(role);
   file.set_size_bytes(1200);
   return file;

@@ -35,7 +35,7 @@ absl::Status FillDigest(LocalFile& file, const Interrupt& interrupt) {
 }
 
 void FillHeader(const LocalFile& file, v1::FileHeader* header) {
-  header->set_name(file.name);
+  header->set_file_name(file.name);
   header->set_role(file.role);
   header->set_size_bytes(file.size_bytes);
   header->set_sha256(file.sha256);
@@ -151,6 +151,12 @@ class Batch {
   int64_t furthest_ = -1;  // the most of them at any try
 };
 
+// A job cannot start with these if they are wrong; a photo is left out.
+bool GoesFirst(const LocalFile& file) {
+  return file.role == v1::FILE_ROLE_CAMERAS || file.role == v1::FILE_ROLE_COLMAP ||
+         file.role == v1::FILE_ROLE_DEPTH;
+}
+
 // As the service has it: two do not make a scene.
 constexpr int kMinPhotos = 3;
 
@@ -231,11 +237,13 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
   progress.files = static_cast<int>(files.size());
   for (const LocalFile& file : files) progress.bytes += file.size_bytes;
   on_progress(progress);
+  std::stable_partition(files.begin(), files.end(), GoesFirst);
   while (static_cast<size_t>(progress.files_done) < files.size()) {
     const auto first = static_cast<size_t>(progress.files_done);
     size_t last = first;
     int64_t bytes = 0;
     while (last < files.size() && last - first < kStreamFiles &&
+           GoesFirst(files[last]) == GoesFirst(files[first]) &&
            (last == first || bytes + files[last].size_bytes <= kStreamBytes)) {
       bytes += files[last++].size_bytes;
     }

@@ -23,7 +23,8 @@ struct UploadProgress {
   std::vector<std::string> left_out;  // why, of each photo that the service cannot read
 };
 
-// Sends the files to a job in state UPLOADING and returns when the server has acknowledged all.
+// Sends the files to a job in state UPLOADING and returns when the server has acknowledged all. It
+// brings cameras and depth maps to the front of `files`: if one is refused, no photo has been sent.
 // They go in streams of a few megabytes each; before each, and after a broken one, the server is
 // asked what it has, so that no byte that arrived is sent again. A photo that the service cannot
 // read is left out, and its mask, as long as three remain; with `strict` it is an error.

@@ -82,7 +82,7 @@ async function* upload(job: string, photo: string) {
   yield { part: { case: "name" as const, value: job } };
   const data = readFileSync(`${folder}/${photo}`);
   const sha256 = createHash("sha256").update(data).digest();
-  const file = { name: photo, sizeBytes: BigInt(data.length), sha256 };
+  const file = { fileName: photo, sizeBytes: BigInt(data.length), sha256 };
   yield { part: { case: "file" as const, value: file } };
   for (let at = 0; at < data.length; at += 256 << 10) {
     yield { part: { case: "chunk" as const, value: data.subarray(at, at + (256 << 10)) } };

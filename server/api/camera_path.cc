@@ -85,18 +85,18 @@ Arc CoveredArc(const Scene& scene, const Vector3d& center, const Vector3d& first
 }
 
 // Where on its circle each frame of an orbit stands, by the axes of CoveredArc().
-std::vector<double> OrbitAngles(double sweep_deg, const Arc& covered, int frames) {
+std::vector<double> OrbitAngles(std::optional<double> sweep_deg, const Arc& covered, int frames) {
   const bool surrounded = 2 * M_PI - covered.sweep <= kMaxGapDeg * M_PI / 180;
   std::vector<double> angles;
   for (int f = 0; f < frames; ++f) {
-    if (sweep_deg == 0 && !surrounded) {
+    if (!sweep_deg && !surrounded) {
       // There and back, slowest where it turns: behind the arc nothing was seen.
       const double part = 0.5 - 0.5 * std::cos(2 * M_PI * f / frames);
       angles.push_back(covered.begin + part * covered.sweep);
       continue;
     }
     // From the first photo on. A full turn does not show its first frame again.
-    const double turn_deg = sweep_deg == 0 ? 360 : sweep_deg;
+    const double turn_deg = sweep_deg.value_or(360);
     const int steps = std::abs(turn_deg) >= 360 ? frames : std::max(1, frames - 1);
     angles.push_back(f * turn_deg * M_PI / 180 / steps);
   }
@@ -135,7 +135,8 @@ absl::StatusOr<std::vector<Camera>> Around(const v1::Orbit& orbit, int frames, c
   const double radius = scale * scene.radius();
   const Arc covered = CoveredArc(scene, center, first, second);
   std::vector<Camera> cameras;
-  for (const double angle : OrbitAngles(orbit.sweep_deg(), covered, frames)) {
+  const auto sweep_deg = orbit.has_sweep_deg() ? std::optional(orbit.sweep_deg()) : std::nullopt;
+  for (const double angle : OrbitAngles(sweep_deg, covered, frames)) {
     const Vector3d out = std::cos(angle) * first + std::sin(angle) * second;
     const Vector3d eye = center + radius * (std::cos(elevation) * out + std::sin(elevation) * up);
     Camera camera = lens;

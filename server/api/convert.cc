@@ -33,6 +33,9 @@ static_assert(static_cast<int>(FileRole::kVideo) == v1::FILE_ROLE_VIDEO);
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Reflection;
 
+// Of a report: a Job must fit into a message (gRPC's clients take 4 MiB) and many into a page.
+constexpr int kMaxNames = 1000;
+
 // The field of JobOptions that the engine's field is, by name.
 const FieldDescriptor* ProtoField(const char* name) {
   const FieldDescriptor* field = v1::JobOptions::descriptor()->FindFieldByName(name);
@@ -119,7 +122,9 @@ void ProgressToProto(const Progress& progress, v1::Progress* proto) {
 void ReportToProto(const ReconstructReport& report, v1::JobReport* proto) {
   proto->set_photos(report.photos);
   proto->set_registered(report.registered);
-  for (const std::string& name : report.dropped) proto->add_dropped(name);
+  for (const std::string& name : report.dropped) {
+    if (proto->dropped_size() < kMaxNames) proto->add_dropped(name);
+  }
   proto->set_sfm_preparation(report.sfm_preparation);
   proto->set_sparse_points(report.sparse_points);
   proto->set_gaussians(report.gaussians);
@@ -128,7 +133,9 @@ void ReportToProto(const ReconstructReport& report, v1::JobReport* proto) {
   if (std::isfinite(report.psnr_holdout)) proto->set_psnr_holdout(report.psnr_holdout);
   if (std::isfinite(report.ssim_holdout)) proto->set_ssim_holdout(report.ssim_holdout);
   proto->set_depth_used(report.depth_used);
-  for (const std::string& note : report.notes) proto->add_notes(WithoutPaths(note));
+  for (const std::string& note : report.notes) {
+    if (proto->notes_size() < kMaxNames) proto->add_notes(WithoutPaths(note));
+  }
 }
 
 v1::JobPolicy PolicyToProto(const JobPolicy& policy) {

@@ -206,7 +206,7 @@ class Parser {
     if (field == "display_name") {
       return CompareText([](const JobRecord& job) { return job.display_name; }, relation, value);
     }
-    if (field == "priority") return ComparePriority(relation, value);
+    if (field == "policy.priority") return ComparePriority(relation, value);
     if (field == "create_time") return CompareTime(&JobRecord::create_time_ms, relation, value);
     if (field == "start_time") return CompareTime(&JobRecord::start_time_ms, relation, value);
     if (field == "end_time") return CompareTime(&JobRecord::end_time_ms, relation, value);
@@ -216,7 +216,8 @@ class Parser {
       return CompareLabel(field.substr(kLabel.size()), relation, value);
     }
     return absl::NotFoundError(
-        "one of the fields state, name, display_name, owner, priority, labels.KEY, create_time, "
+        "one of the fields state, name, display_name, owner, policy.priority, labels.KEY, "
+        "create_time, "
         "start_time and end_time");
   }
 

@@ -60,8 +60,8 @@ TEST(JobFilter, EachFieldIsCompared) {
   EXPECT_THAT(Through("state != FAILED"), ElementsAre("b2", "c3"));
   EXPECT_THAT(Through("name = jobs/b2"), ElementsAre("b2"));
   EXPECT_THAT(Through("owner = robot"), ElementsAre("b2"));
-  EXPECT_THAT(Through("priority >= 5"), ElementsAre("b2"));
-  EXPECT_THAT(Through("priority < 5"), ElementsAre("a1", "c3"));
+  EXPECT_THAT(Through("policy.priority >= 5"), ElementsAre("b2"));
+  EXPECT_THAT(Through("policy.priority < 5"), ElementsAre("a1", "c3"));
   EXPECT_THAT(Through("display_name = hall"), ElementsAre("c3"));
   EXPECT_THAT(Through("display_name = \"yard*\""), ElementsAre("a1", "b2"));
   EXPECT_THAT(Through("display_name = \"*day\""), ElementsAre("b2"));
@@ -106,7 +106,7 @@ TEST(JobFilter, WhatIsWrongIsNamedWithItsPlace) {
   EXPECT_THAT(refused("(state = FAILED"), HasSubstr("a )"));
   EXPECT_THAT(refused("state = FAILED name = x"), HasSubstr("AND, OR or the end"));
   EXPECT_THAT(refused("display_name = \"x"), HasSubstr("ends the text"));
-  refused("priority > many");
+  refused("policy.priority > many");
   refused("display_name > x");
   refused("=");
   refused("state");

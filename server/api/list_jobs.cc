@@ -17,6 +17,7 @@
 #include "server/api/convert.h"
 #include "server/api/findings.h"
 #include "server/api/job_filter.h"
+#include "server/api/list_page.h"
 #include "server/api/status.h"
 #include "server/jobs/queue_position.h"
 #include "server/store/digest.h"
@@ -29,20 +30,6 @@ constexpr int kDefaultFiles = 1000, kMaxFiles = 10000;
 constexpr int kJobsPerRead = 200;
 // Jobs that one call looks at. A filter that lets few through gives short pages then.
 constexpr int kMaxLookedAt = 5000;
-// A page ends before it has more, unless its first entry has: gRPC's clients take 4 MiB.
-constexpr size_t kMaxPageBytes = 2 << 20;
-
-absl::StatusOr<int> PageSize(int asked, int usual, int most) {
-  if (asked >= 0 && asked <= most) return asked == 0 ? usual : asked;
-  return InvalidInput("PAGE_SIZE_INVALID", "page_size",
-                      absl::StrCat("page_size is ", asked, "; it must be in 1..", most));
-}
-
-absl::Status BadPageToken(std::string_view method) {
-  return InvalidInput("PAGE_TOKEN_INVALID", "page_token",
-                      absl::StrCat("page_token is not one that ", std::string(method),
-                                   " returned for this request; start with an empty one"));
-}
 
 absl::StatusOr<ListOrder> ParseOrder(const std::string& text) {
   if (text.empty() || text == "create_time desc") return ListOrder::kNewestFirst;
@@ -122,15 +109,15 @@ absl::Status Answer(Jobs& jobs, const absl::StatusOr<JobRecord>& job, v1::Job* r
 
 absl::Status ListJobs(Jobs& jobs, const v1::ListJobsRequest& request,
                       v1::ListJobsResponse* response) {
-  LITAGS_ASSIGN_OR_RETURN(const int size, PageSize(request.page_size(), kDefaultJobs, kMaxJobs));
+  LITAGS_ASSIGN_OR_RETURN(PageRoom room,
+                          PageRoom::Make(request.page_size(), kDefaultJobs, kMaxJobs));
   LITAGS_ASSIGN_OR_RETURN(const ListOrder order, ParseOrder(request.order_by()));
   LITAGS_ASSIGN_OR_RETURN(const JobFilter filter, ParseJobFilter(request.filter()));
   const std::string kind = KindOf(request);
   LITAGS_ASSIGN_OR_RETURN(JobPlace place, ParsePageToken(request.page_token(), kind));
   std::vector<JobRecord> page;
-  size_t bytes = 0;
   for (int looked_at = 0;;) {
-    const int wanted = std::min(kJobsPerRead, size + 1);  // one more tells of a next page
+    const int wanted = std::min(kJobsPerRead, room.size() + 1);  // one more tells of a next page
     LITAGS_ASSIGN_OR_RETURN(std::vector<JobRecord> some,
                             jobs.List(place.time_ms, place.id, wanted, order));
     bool full = false;
@@ -139,8 +126,7 @@ absl::Status ListJobs(Jobs& jobs, const v1::ListJobsRequest& request,
       const bool is_shown = filter(job);
       if (is_shown) {
         LITAGS_ASSIGN_OR_RETURN(shown, JobToProto(job));
-        bytes += shown.ByteSizeLong();
-        full = page.size() == static_cast<size_t>(size) || (bytes > kMaxPageBytes && !page.empty());
+        full = !room.Takes(shown.ByteSizeLong());
         if (full) break;
       }
       place = {job.create_time_ms, job.id};
@@ -166,7 +152,8 @@ absl::Status ListJobs(Jobs& jobs, const v1::ListJobsRequest& request,
 absl::Status ListFiles(Jobs& jobs, const v1::ListFilesRequest& request,
                        v1::ListFilesResponse* response) {
   LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request.name()));
-  LITAGS_ASSIGN_OR_RETURN(const int size, PageSize(request.page_size(), kDefaultFiles, kMaxFiles));
+  LITAGS_ASSIGN_OR_RETURN(PageRoom room,
+                          PageRoom::Make(request.page_size(), kDefaultFiles, kMaxFiles));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, jobs.Files(id));
   auto file = files.begin();
   if (!request.page_token().empty()) {
@@ -182,10 +169,9 @@ absl::Status ListFiles(Jobs& jobs, const v1::ListFilesRequest& request,
     });
   }
   std::map<std::string, v1::PhotoFindings> findings = FindingsOf(files);
-  size_t bytes = 0;
   for (; file != files.end(); ++file) {
     v1::JobFile proto;
-    proto.set_name(file->name);
+    proto.set_file_name(file->name);
     proto.set_role(static_cast<v1::FileRole>(file->role));
     proto.set_size_bytes(file->size_bytes);
     proto.set_sha256(absl::HexStringToBytes(file->sha256));
@@ -196,8 +182,7 @@ absl::Status ListFiles(Jobs& jobs, const v1::ListFilesRequest& request,
       *proto.mutable_found() = std::move(found->second);
     }
     if (const auto video = FoundInVideo(*file)) *proto.mutable_found_in_video() = *video;
-    bytes += proto.ByteSizeLong();
-    if (response->files_size() == size || (bytes > kMaxPageBytes && response->files_size() > 0)) {
+    if (!room.Takes(proto.ByteSizeLong())) {
       response->set_next_page_token(PageToken(*std::prev(file)));
       break;
     }

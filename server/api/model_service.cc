@@ -23,7 +23,6 @@ absl::StatusOr<SceneFormat> FormatOf(v1::ModelFormat format) {
   switch (format) {
     case v1::MODEL_FORMAT_UNSPECIFIED:
     case v1::MODEL_FORMAT_PLY:
-    case v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT:
       return SceneFormat::kPly;
     case v1::MODEL_FORMAT_SPZ:
       return SceneFormat::kSpz;
@@ -101,19 +100,17 @@ absl::StatusOr<ExportRequest> RequestOf(const v1::ExportModelRequest& request, i
   return out;
 }
 
-// Writes the file; returns how many Gaussians it holds.
+// Writes the file; returns how many Gaussians it holds, or points, or triangles.
 absl::StatusOr<int64_t> WriteModel(const Scene& scene, const v1::ExportModelRequest& request,
                                    int threads, const CancelToken& cancel,
                                    const std::string& path) {
   const v1::ModelFormat format = request.format();
-  if (format == v1::MODEL_FORMAT_PLY_FULL || format == v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT) {
+  if (format == v1::MODEL_FORMAT_PLY_FULL) {
     LITAGS_RETURN_IF_ERROR(CheckLight(request.light(), "light"));
     if (request.light() != 0) {
       return InvalidInput("LIGHT_INVALID", "light",
                           "light is not for this format; leave it 0, or take format PLY");
     }
-  }
-  if (format == v1::MODEL_FORMAT_PLY_FULL) {
     if (request.exposure_stops() != 0 || request.has_scale() || request.has_crop() ||
         request.max_splats() != 0 || request.up() != v1::UP_AXIS_UNSPECIFIED ||
         request.antialiased()) {
@@ -125,7 +122,6 @@ absl::StatusOr<int64_t> WriteModel(const Scene& scene, const v1::ExportModelRequ
     return scene.num_gaussians();
   }
   LITAGS_ASSIGN_OR_RETURN(ExportRequest wanted, RequestOf(request, threads, cancel));
-  if (format == v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT) wanted.light = 1;
   LITAGS_RETURN_IF_ERROR(CheckExport(wanted));
   return scene.Export(path, wanted);
 }
@@ -180,7 +176,7 @@ class ExportStream : public SceneStream<v1::ExportModelResponse> {
   }
 
   absl::Status Prepare(const Scene& scene, v1::ExportHeader* header) {
-    LITAGS_ASSIGN_OR_RETURN(const int64_t gaussians,
+    LITAGS_ASSIGN_OR_RETURN(const int64_t elements,
                             WriteModel(scene, request_, threads_, cancel(), path_));
     std::error_code error;
     const auto size = std::filesystem::file_size(path_, error);
@@ -190,7 +186,7 @@ class ExportStream : public SceneStream<v1::ExportModelResponse> {
     room_->Add(call().client().name, file_bytes_);
     header->set_size_bytes(file_bytes_);
     header->set_iteration(scene.iteration());
-    header->set_gaussians(gaussians);
+    header->set_elements(elements);
     return absl::OkStatus();
   }
 

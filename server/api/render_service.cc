@@ -1,17 +1,23 @@
 #include "server/api/render_service.h"
 
+#include <algorithm>
 #include <chrono>
+#include <string>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
 #include "engine/core/error.h"
 #include "server/api/camera_path.h"
+#include "server/api/list_page.h"
 #include "server/api/picture.h"
 #include "server/api/scene_calls.h"
 #include "server/api/view_request.h"
 
 namespace litags {
 namespace {
+
+constexpr int kDefaultCameras = 1000, kMaxCameras = 10000;
 
 v1::Vector3 ToProto(const std::array<double, 3>& v) {
   v1::Vector3 proto;
@@ -125,10 +131,24 @@ grpc::ServerUnaryReactor* RenderServiceImpl::ListCameras(grpc::CallbackServerCon
   const CallName name{"ListCameras", CallKind::kPicture};
   const auto check = [](const Call& call) { return call.CheckRoom(); };
   const auto work = [=](Call& call, const CancelToken&, const Scene& scene) -> absl::Status {
+    LITAGS_ASSIGN_OR_RETURN(PageRoom room,
+                            PageRoom::Make(request->page_size(), kDefaultCameras, kMaxCameras));
+    const std::string& token = request->page_token();
+    if (token.size() % 2 != 0 || !std::all_of(token.begin(), token.end(), absl::ascii_isxdigit)) {
+      return BadPageToken("ListCameras");
+    }
+    const std::string last = absl::HexStringToBytes(token);  // of the page before, by name
     for (const View& view : scene.views()) {
-      v1::NamedCamera* camera = response->add_cameras();
-      camera->set_name(view.name);
-      *camera->mutable_camera() = CameraToProto(view.camera);
+      if (!token.empty() && view.name <= last) continue;
+      v1::NamedCamera camera;
+      camera.set_name(view.name);
+      *camera.mutable_camera() = CameraToProto(view.camera);
+      if (!room.Takes(camera.ByteSizeLong())) {
+        const std::string& shown = response->cameras().rbegin()->name();
+        response->set_next_page_token(absl::BytesToHexString(shown));
+        break;
+      }
+      *response->add_cameras() = std::move(camera);
     }
     *response->mutable_center() = ToProto(scene.center());
     *response->mutable_up() = ToProto(scene.up());

@@ -74,7 +74,17 @@ int64_t LimitOf(FileRole role, const UploadLimits& limits) {
   if (role == FileRole::kCameras) return limits.max_cameras_bytes;
   if (role == FileRole::kVideo) return std::min(limits.max_video_bytes, limits.max_job_bytes);
   if (role == FileRole::kArchive) return limits.max_job_bytes;
+  if (role == FileRole::kColmap) return kMaxColmapBytes;
   return limits.max_file_bytes;
+}
+
+// What to do about a file that is larger.
+const char* RemedyOf(FileRole role) {
+  if (role == FileRole::kCameras) return "export the cameras without points";
+  if (role == FileRole::kColmap) {
+    return "export the model with fewer features of each photo, or give a transforms.json";
+  }
+  return "make the file smaller";
 }
 
 // The innermost folder of these names tells what its files and folders are: masks/cam0/0001.png is
@@ -100,9 +110,11 @@ absl::Status CheckSize(FileRole role, int64_t bytes, const UploadLimits& limits,
   const int64_t limit = LimitOf(role, limits);
   if (bytes <= limit) return absl::OkStatus();
   return MakeError(absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE", field,
-                   absl::StrCat(field, ": ", bytes, " bytes exceed ", limit, "; ",
-                                role == FileRole::kCameras ? "export the cameras without points"
-                                                           : "make the file smaller"));
+                   absl::StrCat(field, ": ", bytes, " bytes exceed ", limit, "; ", RemedyOf(role)));
+}
+
+int64_t MaxEntryBytes(const UploadLimits& limits) {
+  return std::max(limits.max_file_bytes, kMaxColmapBytes);
 }
 
 absl::Status CheckName(const std::string& name, FileRole role, const std::string& field) {
@@ -130,12 +142,12 @@ absl::StatusOr<FileRole> ParseFileRole(v1::FileRole role, const char* field) {
 absl::StatusOr<UploadHeader> ParseFileHeader(const v1::FileHeader& header,
                                              const UploadLimits& limits) {
   UploadHeader file;
-  file.record.name = header.name();
+  file.record.name = header.file_name();
   file.record.size_bytes = header.size_bytes();
   file.record.sha256 = ToHex(header.sha256());
   LITAGS_ASSIGN_OR_RETURN(file.record.role, ParseFileRole(header.role(), "file.role"));
-  file.field = FieldOf(file.record.role, header.name());
-  LITAGS_RETURN_IF_ERROR(CheckName(header.name(), file.record.role, file.field));
+  file.field = FieldOf(file.record.role, header.file_name());
+  LITAGS_RETURN_IF_ERROR(CheckName(header.file_name(), file.record.role, file.field));
   if (header.size_bytes() <= 0) {
     return InvalidInput("FILE_EMPTY", file.field,
                         absl::StrCat(file.field,

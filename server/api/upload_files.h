@@ -2,6 +2,7 @@
 #ifndef LITAGS_SERVER_API_UPLOAD_FILES_H_
 #define LITAGS_SERVER_API_UPLOAD_FILES_H_
 
+#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -33,6 +34,12 @@ absl::Status CheckSize(FileRole role, int64_t bytes, const UploadLimits& limits,
 
 // One plain component with an extension that the role has. INVALID_ARGUMENT (BAD_FILE_NAME).
 absl::Status CheckName(const std::string& name, FileRole role, const std::string& field);
+
+// COLMAP lists all that features saw. So much is read in a second; as text, in 10 s and 1.2 GiB.
+inline constexpr int64_t kMaxColmapBytes = int64_t{1} << 30;
+
+// Of any file in an archive; CheckSize() knows which it is.
+int64_t MaxEntryBytes(const UploadLimits& limits);
 
 // What a file in an archive is for, by its name and its folders; nullopt: nothing that a job uses.
 std::optional<FileRole> RoleInArchive(const ArchiveEntry& entry);

@@ -205,7 +205,7 @@ absl::Status UploadSession::Store(Incoming& file) {
 absl::StatusOr<std::unique_ptr<ArchiveReader>> UploadSession::OpenArchive(const Incoming& file,
                                                                           ArchiveSink* sink) const {
   ArchiveLimits limits;
-  limits.max_entry_bytes = jobs_->uploads().limits().max_file_bytes;
+  limits.max_entry_bytes = MaxEntryBytes(jobs_->uploads().limits());
   limits.max_total_bytes = jobs_->uploads().limits().max_job_bytes;
   return reader_->OpenArchive(file.partial->path(), limits, file.field, sink, cancel_);
 }
@@ -286,6 +286,13 @@ absl::Status UploadSession::Conclude(const v1::UploadEnd& end) {
 absl::Status UploadSession::End(v1::UploadImagesResponse* response) {
   if (job_id_.empty()) return OutOfOrder("the first message must name the job");
   LITAGS_RETURN_IF_ERROR(CheckWhole());
+  if (!ended_) {
+    return InvalidInput(
+        "UPLOAD_INCOMPLETE", "end",
+        absl::StrCat("the stream stopped without its end, which says how many "
+                     "files it had; ",
+                     Counted(received_, "file"), " came; ask QueryUpload and send the others"));
+  }
   const absl::StatusOr<JobRecord> job = jobs_->Get(job_id_);
   if (IsJobGone(job.status())) return UploadTakenOver();
   LITAGS_RETURN_IF_ERROR(job.status());

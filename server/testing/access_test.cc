@@ -75,6 +75,7 @@ std::map<std::string, Row> JobCalls() {
     auto writer = stubs.jobs->UploadImages(&call, &response);
     writer->Write(NameMessage(job));
     for (const auto& message : FileMessages({"x.png", TestPng()})) writer->Write(message);
+    writer->Write(EndMessage(1));
     writer->WritesDone();
     return writer->Finish();
   };

@@ -45,10 +45,12 @@ class CircleScene : public Scene {
 };
 
 // Where the frames of an orbit stand, degrees in -180..180.
-std::vector<double> OrbitOf(const std::vector<double>& photos, int frames, double sweep_deg = 0) {
+std::vector<double> OrbitOf(const std::vector<double>& photos, int frames,
+                            std::optional<double> sweep_deg = {}) {
   v1::RenderPathRequest request;
   request.set_frames(frames);
-  request.mutable_orbit()->set_sweep_deg(sweep_deg);
+  request.mutable_orbit();
+  if (sweep_deg) request.mutable_orbit()->set_sweep_deg(*sweep_deg);
   const auto cameras = ResolvePath(request, Camera(), CircleScene(photos));
   EXPECT_TRUE(cameras.ok()) << cameras.status();
   std::vector<double> degrees;

@@ -34,7 +34,6 @@ TEST_F(ExportApi, ExportSendsTheAnnouncedBytesAndLeavesNoFile) {
   } cases[] = {{v1::MODEL_FORMAT_PLY, 0, "light 0\n"},
                {v1::MODEL_FORMAT_UNSPECIFIED, -0.5, "light -0.5\n"},
                {v1::MODEL_FORMAT_PLY, 4, "light 4\n"},
-               {v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT, 0, "light 1\n"},
                {v1::MODEL_FORMAT_PLY_FULL, 0, "full "}};
   for (const auto& [format, light, kind] : cases) {
     grpc::ClientContext context;
@@ -84,10 +83,8 @@ TEST_F(ExportApi, AFileThatCannotBeReadToItsEndIsAnError) {
 }
 
 TEST_F(ExportApi, ExportsInABadLightAreRefused) {
-  const std::pair<v1::ModelFormat, double> cases[] = {{v1::MODEL_FORMAT_PLY, kNan},
-                                                      {v1::MODEL_FORMAT_PLY, -4.5},
-                                                      {v1::MODEL_FORMAT_PLY_FULL, 0.5},
-                                                      {v1::MODEL_FORMAT_PLY_ORIGINAL_LIGHT, 0.5}};
+  const std::pair<v1::ModelFormat, double> cases[] = {
+      {v1::MODEL_FORMAT_PLY, kNan}, {v1::MODEL_FORMAT_PLY, -4.5}, {v1::MODEL_FORMAT_PLY_FULL, 0.5}};
   for (const auto& [format, light] : cases) {
     grpc::ClientContext context;
     v1::ExportModelRequest request;
@@ -118,7 +115,7 @@ TEST_F(ExportApi, ExportOptionsReachTheScene) {
   const auto reader = client_.model->ExportModel(&context, request);
   v1::ExportModelResponse part;
   ASSERT_TRUE(reader->Read(&part));
-  EXPECT_EQ(part.header().gaussians(), 12);
+  EXPECT_EQ(part.header().elements(), 12);
   ASSERT_TRUE(reader->Read(&part));
   EXPECT_THAT(part.chunk(),
               ::testing::StartsWith(absl::StrCat(

@@ -41,6 +41,7 @@ class FairTurns : public AccessTest {
     const auto writer = stubs_->jobs->UploadImages(call, response ? response : &unused);
     writer->Write(NameMessage(job));
     for (const auto& message : FileMessages(file)) writer->Write(message);
+    writer->Write(EndMessage(1));
     writer->WritesDone();
     const grpc::Status status = writer->Finish();
     if (status.ok()) return {};

@@ -123,6 +123,7 @@ TEST_F(Limits, BytesOfOneClientAreCountedBeforeTheyAreComplete) {
     auto messages = FileMessages({"x.png", bytes});
     if (!whole) messages.back().mutable_chunk()->pop_back();
     for (const auto& message : messages) writer->Write(message);
+    writer->Write(EndMessage(1));
     writer->WritesDone();
     return DetailOf(writer->Finish());
   };

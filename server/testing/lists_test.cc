@@ -73,7 +73,8 @@ TEST_F(ListPages, APageOfManyFilesIsOneThatClientsTake) {
     grpc::ClientContext call;
     const grpc::Status status = client_.jobs->ListFiles(&call, request, &page);
     ASSERT_TRUE(status.ok()) << status.error_message();
-    for (const v1::JobFile& file : page.files()) EXPECT_TRUE(listed.insert(file.name()).second);
+    for (const v1::JobFile& file : page.files())
+      EXPECT_TRUE(listed.insert(file.file_name()).second);
     EXPECT_LT(page.ByteSizeLong(), 2'200'000u);
     bytes += page.ByteSizeLong();
     request.set_page_token(page.next_page_token());

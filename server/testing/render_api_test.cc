@@ -5,7 +5,10 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <string>
 #include <thread>
+#include <tuple>
+#include <vector>
 
 #include "server/testing/api_fixture.h"
 #include "server/testing/eventually.h"
@@ -14,6 +17,8 @@
 
 namespace litags {
 namespace {
+
+using ::testing::ElementsAre;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -202,6 +207,34 @@ TEST_F(RenderApi, CamerasAreListedWithTheRegionTheySee) {
   EXPECT_EQ(response.radius(), 4);
   EXPECT_EQ(response.up().y(), -1);
   EXPECT_EQ(response.gaussians(), 100);
+  EXPECT_EQ(response.next_page_token(), "");
+}
+
+TEST_F(RenderApi, CamerasAreListedPageByPage) {
+  v1::ListCamerasRequest request;
+  request.set_name(job_);
+  request.set_page_size(2);
+  std::vector<std::string> names;
+  std::vector<int> pages;
+  do {
+    grpc::ClientContext context;
+    v1::ListCamerasResponse page;
+    ASSERT_TRUE(client_.render->ListCameras(&context, request, &page).ok());
+    for (const v1::NamedCamera& camera : page.cameras()) names.push_back(camera.name());
+    pages.push_back(page.cameras_size());
+    EXPECT_EQ(page.radius(), 4);  // on every page
+    request.set_page_token(page.next_page_token());
+  } while (!request.page_token().empty());
+  EXPECT_THAT(names, ElementsAre("a.png", "b.png", "c.png"));
+  EXPECT_THAT(pages, ElementsAre(2, 1));
+  for (const auto& [size, token, reason] :
+       {std::tuple(-1, "", "PAGE_SIZE_INVALID"), std::tuple(2, "xy", "PAGE_TOKEN_INVALID")}) {
+    grpc::ClientContext context;
+    v1::ListCamerasResponse page;
+    request.set_page_size(size);
+    request.set_page_token(token);
+    EXPECT_EQ(DetailOf(client_.render->ListCameras(&context, request, &page)).reason, reason);
+  }
 }
 
 class PathApi : public RenderApi {

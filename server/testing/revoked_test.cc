@@ -63,6 +63,7 @@ TEST_F(RevokedTest, OpenStreamsEndAndThoseOfOthersGoOn) {
   for (const auto& message : FileMessages({"a.png", TestPng()})) {
     ASSERT_TRUE(other_upload->Write(message));
   }
+  ASSERT_TRUE(other_upload->Write(EndMessage(1)));
   other_upload->WritesDone();
   const grpc::Status status = other_upload->Finish();
   EXPECT_TRUE(status.ok()) << status.error_message();

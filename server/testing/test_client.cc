@@ -60,11 +60,17 @@ v1::UploadImagesRequest NameMessage(const std::string& name) {
   return message;
 }
 
+v1::UploadImagesRequest EndMessage(int files) {
+  v1::UploadImagesRequest message;
+  message.mutable_end()->set_files(files);
+  return message;
+}
+
 std::vector<v1::UploadImagesRequest> FileMessages(const TestFile& file, std::string sha256,
                                                   int64_t size) {
   std::vector<v1::UploadImagesRequest> messages(1);
   v1::FileHeader* header = messages[0].mutable_file();
-  header->set_name(file.name);
+  header->set_file_name(file.name);
   header->set_role(file.role);
   header->set_size_bytes(size < 0 ? static_cast<int64_t>(file.bytes.size()) : size);
   header->set_sha256(sha256.empty() ? absl::HexStringToBytes(Sha256::Hex(file.bytes)) : sha256);
@@ -103,6 +109,7 @@ grpc::Status TestClient::Upload(const std::string& name, const std::vector<TestF
   for (const TestFile& file : files) {
     for (const auto& message : FileMessages(file)) open = open && writer->Write(message);
   }
+  writer->Write(EndMessage(static_cast<int>(files.size())));
   writer->WritesDone();
   return writer->Finish();
 }

@@ -66,6 +66,7 @@ class TestClient {
 std::vector<v1::UploadImagesRequest> FileMessages(const TestFile& file, std::string sha256 = "",
                                                   int64_t size = -1);
 v1::UploadImagesRequest NameMessage(const std::string& name);
+v1::UploadImagesRequest EndMessage(int files);
 
 }  // namespace litags
 

@@ -117,7 +117,7 @@ TEST_F(UploadApi, FilesTellWhatWasFoundInPhotosAndWhichAreLeftOut) {
   std::map<std::string, v1::PhotoFindings> found;
   for (const v1::JobFile& file : files.files()) {
     EXPECT_EQ(file.has_found(), file.role() == v1::FILE_ROLE_PHOTO);
-    if (file.has_found()) found[file.name()] = file.found();
+    if (file.has_found()) found[file.file_name()] = file.found();
   }
   EXPECT_EQ(found["a copy.png"].left_out(), "is the same photo as a.png");
   EXPECT_EQ(found["a.png"].left_out(), "");
@@ -227,6 +227,7 @@ std::vector<v1::UploadImagesRequest> RestMessages(const std::string& job, const 
   for (const auto& message : FileMessages(rest)) messages.push_back(message);
   messages[1] = FileMessages(file)[0];
   messages[1].mutable_file()->set_offset(static_cast<int64_t>(offset));
+  messages.push_back(EndMessage(1));
   return messages;
 }
 
@@ -423,7 +424,8 @@ TEST_F(UploadApi, FilesBeforeTheBadOneStayAndUnchangedFilesCostNothing) {
 
 TEST_F(UploadApi, TwoPhotosAreRefusedAtTheStartAndTwoSizesAreNot) {
   const std::string job = NewJob();
-  ASSERT_TRUE(client_.Upload(job, {{"a.png", TestPng(64, 48)}, {"b.png", TestPng(48, 64)}}).ok());
+  ASSERT_TRUE(
+      client_.Upload(job, {{"a.png", TestPng(64, 48)}, {"b.png", TestPng(48, 64, 2)}}).ok());
   EXPECT_REFUSED(client_.Start(job), FAILED_PRECONDITION, "TOO_FEW_PHOTOS", "images");
   ASSERT_TRUE(client_.Upload(job, {{"c.png", TestPng(64, 48, 1)}}).ok());
   const grpc::Status started = client_.Start(job);
@@ -441,6 +443,19 @@ TEST_F(UploadApi, CamerasThatTheEngineWouldNotReadAreRefused) {
   const std::string field = "cameras[transforms.json]";
   EXPECT_REFUSED(upload(kMaxCamerasBytes + 1), RESOURCE_EXHAUSTED, "FILE_TOO_LARGE", field);
   EXPECT_REFUSED(upload(kMaxCamerasBytes), INVALID_ARGUMENT, "FILE_TRUNCATED", field);
+}
+
+// Its images list what their features saw.
+TEST_F(UploadApi, AFileOfAColmapModelMayBeLargerThanAPhoto) {
+  const auto upload = [&](int64_t bytes) {
+    const TestFile file{"images.bin", "", v1::FILE_ROLE_COLMAP};
+    std::vector<v1::UploadImagesRequest> messages = FileMessages(file, "", bytes);
+    messages.insert(messages.begin(), NameMessage(NewJob()));
+    return client_.UploadRaw(messages);
+  };
+  const std::string field = "colmap[images.bin]";
+  EXPECT_REFUSED(upload((int64_t{1} << 30) + 1), RESOURCE_EXHAUSTED, "FILE_TOO_LARGE", field);
+  EXPECT_REFUSED(upload(int64_t{1} << 30), INVALID_ARGUMENT, "FILE_TRUNCATED", field);
 }
 
 // The engine includes no proto and so has its own lists of endings.

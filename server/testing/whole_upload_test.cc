@@ -17,12 +17,6 @@ namespace {
 
 using ::testing::HasSubstr;
 
-v1::UploadImagesRequest EndMessage(int files) {
-  v1::UploadImagesRequest message;
-  message.mutable_end()->set_files(files);
-  return message;
-}
-
 class WholeUpload : public ApiTest {
  protected:
   // The job, then the files, then what follows.
@@ -60,6 +54,8 @@ TEST_F(WholeUpload, TheEndSaysHowManyFilesThereAre) {
   EXPECT_REFUSED(client_.UploadRaw(Messages({a_}, {EndMessage(0)})), INVALID_ARGUMENT,
                  "UPLOAD_INCOMPLETE", "end.files");
   EXPECT_TRUE(client_.UploadRaw(Messages({a_, b_}, {EndMessage(2)})).ok());
+  EXPECT_REFUSED(client_.UploadRaw(Messages({a_, b_})), INVALID_ARGUMENT, "UPLOAD_INCOMPLETE",
+                 "end");
   EXPECT_TRUE(client_.UploadRaw(Messages({}, {EndMessage(0)})).ok());
   EXPECT_REFUSED(client_.UploadRaw(Messages({}, {EndMessage(0), EndMessage(0)})), INVALID_ARGUMENT,
                  "UPLOAD_ORDER", "part");
@@ -81,12 +77,14 @@ TEST_F(WholeUpload, TheAnswerSaysHowManyFilesCame) {
 TEST_F(WholeUpload, OfADeletedJobTheStreamIsNotTold404) {
   const std::unique_ptr<FileReader> reader = MakeInProcessReader();
   UploadSession session(&jobs_, reader.get(), CancelToken());
+  UploadSession ended(&jobs_, reader.get(), CancelToken());
   for (const auto& message : Messages({a_})) ASSERT_TRUE(session.Handle(message).ok());
+  for (const auto& message : Messages({a_}, {EndMessage(1)})) {
+    ASSERT_TRUE(ended.Handle(message).ok());
+  }
   ASSERT_TRUE(client_.Delete(job_).ok());
-  for (const absl::Status& status : {session.Handle(FileMessages(b_)[0]), [&] {
-                                       v1::UploadImagesResponse response;
-                                       return session.End(&response);
-                                     }()}) {
+  v1::UploadImagesResponse response;
+  for (const absl::Status& status : {session.Handle(FileMessages(b_)[0]), ended.End(&response)}) {
     EXPECT_EQ(status.code(), absl::StatusCode::kAborted);
     EXPECT_EQ(GetErrorDetail(status)->reason, "UPLOAD_TAKEN_OVER");
   }

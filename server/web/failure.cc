@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "google/rpc/error_details.pb.h"
@@ -19,6 +20,15 @@ bool MayComeAgain(const v1::RpcStatus& rpc) {
   return std::any_of(rpc.details().begin(), rpc.details().end(), [](const auto& detail) {
     return detail.template Is<google::rpc::RetryInfo>();
   });
+}
+
+// Whether the request by itself is more than the service takes, whoever asks and whenever.
+bool IsTooLarge(const v1::RpcStatus& rpc) {
+  google::rpc::ErrorInfo info;
+  for (const auto& detail : rpc.details()) detail.UnpackTo(&info);
+  const std::string& reason = info.reason();
+  return absl::EndsWith(reason, "_TOO_LARGE") || reason == "TOO_MANY_FILES" ||
+         reason == "ARCHIVE_TOO_MANY_ENTRIES";
 }
 
 v1::RpcStatus ToRpc(const grpc::Status& status) {
@@ -86,11 +96,13 @@ std::string FailureJson(const grpc::Status& status) {
 
 Answer Failure(const grpc::Status& status) {
   Answer answer;
-  answer.code = HttpCode(status.error_code());
+  const v1::RpcStatus rpc = ToRpc(status);
+  answer.code = rpc.code() == grpc::RESOURCE_EXHAUSTED && IsTooLarge(rpc)
+                    ? 413
+                    : HttpCode(status.error_code());
   answer.type = "application/json";
   answer.body = FailureJson(status);
-  if (MayComeAgain(ToRpc(status)))
-    answer.headers.emplace_back("Retry-After", absl::StrCat(kRetrySeconds));
+  if (MayComeAgain(rpc)) answer.headers.emplace_back("Retry-After", absl::StrCat(kRetrySeconds));
   if (answer.code == 401) answer.headers.emplace_back("WWW-Authenticate", "Bearer");
   return answer;
 }

@@ -37,9 +37,14 @@ asio::awaitable<grpc::Status> Api::ReadScene(Exchange& exchange, report::ReportD
   const std::string authorization = AuthorizationOf(exchange.head());
   v1::ListCamerasRequest cameras;
   cameras.set_name(data->job.name());
-  grpc::Status status =
-      co_await Unary(exchange, "RenderService/ListCameras", authorization, cameras, &data->cameras);
-  if (!status.ok()) co_return status;
+  grpc::Status status;
+  do {
+    v1::ListCamerasResponse page;
+    status = co_await Unary(exchange, "RenderService/ListCameras", authorization, cameras, &page);
+    if (!status.ok()) co_return status;
+    cameras.set_page_token(page.next_page_token());
+    data->cameras.MergeFrom(page);  // adds the cameras
+  } while (!cameras.page_token().empty());
   data->pictures = report::PicturesOf(data->job, data->cameras);
   for (report::Picture& picture : data->pictures) {
     status = co_await Unary(exchange, "RenderService/RenderView", authorization, picture.request,

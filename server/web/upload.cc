@@ -91,7 +91,7 @@ absl::StatusOr<v1::FileHeader> FileOf(const Match& match, const Head& head, cons
   if (!FillFields(head.query, &file).ok()) {
     return FieldInvalid("role", "it is not one FileRole, as FILE_ROLE_PHOTO");
   }
-  file.set_name(names.file_name());
+  file.set_file_name(names.file_name());
   file.set_size_bytes(range.size);
   file.set_offset(range.first);
   file.set_sha256(DigestOf(head));

@@ -86,9 +86,10 @@ class Attacker:
     def messages(job, name, role, data):
         yield rpc.UploadImagesRequest(name=job)
         yield rpc.UploadImagesRequest(file=rpc.FileHeader(
-            name=name, role=role, size_bytes=len(data), sha256=hashlib.sha256(data).digest()))
+            file_name=name, role=role, size_bytes=len(data), sha256=hashlib.sha256(data).digest()))
         for start in range(0, len(data), 1 << 20):
             yield rpc.UploadImagesRequest(chunk=data[start:start + (1 << 20)])
+        yield rpc.UploadImagesRequest(end=rpc.UploadEnd(files=1))
 
     def again_and_again(self, name, role, data):
         def one():

@@ -219,10 +219,11 @@ class Client:
             yield rpc.UploadImagesRequest(name=job)
             for name, data, role in files:
                 yield rpc.UploadImagesRequest(file=rpc.FileHeader(
-                    name=name, role=role, size_bytes=len(data),
+                    file_name=name, role=role, size_bytes=len(data),
                     sha256=hashlib.sha256(data).digest()))
                 for start in range(0, len(data), 16 << 10):
                     yield rpc.UploadImagesRequest(chunk=data[start:start + (16 << 10)])
+            yield rpc.UploadImagesRequest(end=rpc.UploadEnd(files=len(files)))
         return self.insist(lambda: self.jobs.UploadImages(messages(), timeout=60))
 
     def start(self, job):

@@ -341,7 +341,7 @@ void AddRequests(const Corpus& corpus) {
   corpus.Add("request", "orbit", '\2' + path.SerializeAsString());
 
   v1::FileHeader file;
-  file.set_name("a.png");
+  file.set_file_name("a.png");
   file.set_size_bytes(4096);
   file.set_sha256(std::string(32, 's'));
   file.set_offset(17);

@@ -99,7 +99,7 @@ class BadUploads(harness.ServiceTest):
 
     def test_an_upload_that_ends_inside_a_file(self):
         job = self.job()
-        parts = list(self.upload(job, [("a.png", harness.png())], chunk=100))
+        parts = list(self.upload(job, [("a.png", harness.png())], chunk=100, end=False))
         self.assert_refused(lambda: self.jobs.UploadImages(iter(parts[:-1])), INVALID,
                             "FILE_TRUNCATED", "images[a.png]", "send the rest")
 

@@ -90,7 +90,7 @@ class DeadPeers(harness.ServiceTest):
 
             call = stub.UploadImages.future(messages())
             query = rpc.QueryUploadRequest(name=self.job, files=[rpc.FileHeader(
-                name="a.png", size_bytes=len(data), sha256=hashlib.sha256(data).digest())])
+                file_name="a.png", size_bytes=len(data), sha256=hashlib.sha256(data).digest())])
             self.wait_for(lambda: self.jobs.QueryUpload(query).files[0].offset > 0,
                           "the upload to begin")
             self.assertFalse(self.stream_is_free())

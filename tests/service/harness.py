@@ -355,16 +355,18 @@ class ServiceTest(unittest.TestCase):
         self.assertRegex(error.details(), words)
 
     @staticmethod
-    def upload(job, files, chunk=None):
-        """The messages of an upload of (name, bytes) pairs."""
+    def upload(job, files, chunk=None, end=True):
+        """The messages of an upload of (name, bytes) pairs; `end`: with the last one."""
         yield rpc.UploadImagesRequest(name=job)
         for name, data in files:
             yield rpc.UploadImagesRequest(file=rpc.FileHeader(
-                name=name, role=rpc.FILE_ROLE_PHOTO, size_bytes=len(data),
+                file_name=name, role=rpc.FILE_ROLE_PHOTO, size_bytes=len(data),
                 sha256=hashlib.sha256(data).digest()))
             size = chunk or (256 << 10)
             for start in range(0, len(data), size):
                 yield rpc.UploadImagesRequest(chunk=data[start:start + size])
+        if end:
+            yield rpc.UploadImagesRequest(end=rpc.UploadEnd(files=len(files)))
 
 
 SUCCEEDED = job_pb2.JOB_STATE_SUCCEEDED

@@ -189,8 +189,6 @@ class Pictures(harness.ServiceTest):
     def test_an_export_is_the_bytes_that_the_service_announces(self):
         job = self.finished_job()
         for flags, wanted in (((), model.MODEL_FORMAT_PLY),
-                              (("--format", "ply-original-light"),
-                               model.MODEL_FORMAT_PLY_ORIGINAL_LIGHT),
                               (("--format", "ply-full"), model.MODEL_FORMAT_PLY_FULL)):
             with self.subTest(flags):
                 self.litags("export", job, "-o", self.path("scene.ply"), *flags)

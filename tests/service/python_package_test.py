@@ -110,6 +110,13 @@ class Package(harness.ServiceTest):
         with self.assertRaises(litags.LitagsError) as caught:
             client.submit([folder / "a.png", folder / "b.png", folder / "c.png"], cameras=cameras)
         self.assertRegex(caught.exception.field, r"cameras\[transforms.json\]")
+        sent = []
+        whole = litags.files.upload_messages
+        with mock.patch("litags.files.upload_messages",
+                        lambda job, batch, offsets: sent.extend(batch) or whole(job, batch, offsets)), \
+                self.assertRaises(litags.LitagsError):
+            client.submit(folder, cameras=cameras)
+        self.assertEqual([file.path.name for file in sent], ["transforms.json"])  # and no photo
         with self.assertRaises(litags.LitagsError) as caught:
             client.submit([folder / "a.png"])
         self.assertEqual(caught.exception.reason, "TOO_FEW_PHOTOS")
@@ -127,7 +134,7 @@ class Package(harness.ServiceTest):
         self.assertEqual(caught.exception.reason, "BAD_BUNDLE")
         cameras.with_name("list.txt").write_text("a.png\n")
         job = client.submit(folder, cameras=cameras, options={"iterations": 10})
-        sizes = {file.name: file.size_bytes for file in self.jobs.ListFiles(
+        sizes = {file.file_name: file.size_bytes for file in self.jobs.ListFiles(
             harness.rpc.ListFilesRequest(name=job)).files}
         self.assertEqual(sizes["bundle.out"], cameras.stat().st_size + len("\na.png\n"))
 
@@ -156,6 +163,7 @@ class Package(harness.ServiceTest):
         write("colmap/sparse/0/images.txt", b"# comment\n1 1 0 0 0 0 0 0 1 a b.png\n1.5 2.5 -1\n")
         write("colmap/sparse/1/cameras.txt", b"x")
         write("colmap/sparse/1/images.txt", b"")
+        write("colmap/sparse/0/points3D.txt", b"")
         self.assertEqual(found(), {f"colmap/sparse/0/{name}.txt" for name in ("cameras", "images")})
         write("bundle.out", b"x")
         self.assertEqual(found(), {"bundle.out"})
@@ -250,7 +258,7 @@ class Package(harness.ServiceTest):
         names = {}
         for file in self.jobs.ListFiles(harness.rpc.ListFilesRequest(name=job)).files:
             role = harness.rpc.FileRole.Name(file.role).removeprefix("FILE_ROLE_")
-            names.setdefault(role, []).append(file.name)
+            names.setdefault(role, []).append(file.file_name)
         return {role: sorted(found) for role, found in names.items()}
 
     def test_photos_that_cannot_be_read_are_left_out_with_their_masks(self):

@@ -20,7 +20,7 @@ from harness import rpc
 
 
 def file_header(name, data, offset=0):
-    return rpc.FileHeader(name=name, role=rpc.FILE_ROLE_PHOTO, size_bytes=len(data),
+    return rpc.FileHeader(file_name=name, role=rpc.FILE_ROLE_PHOTO, size_bytes=len(data),
                           sha256=hashlib.sha256(data).digest(), offset=offset)
 
 
@@ -176,6 +176,8 @@ class Uploads(harness.ServiceTest):
             yield rpc.UploadImagesRequest(file=file_header("a.png", data, offset))
             for start in range(offset, end, 256 << 10):
                 yield rpc.UploadImagesRequest(chunk=data[start:min(start + (256 << 10), end)])
+            if end == len(data):
+                yield rpc.UploadImagesRequest(end=rpc.UploadEnd(files=1))
 
         def missing():
             return self.jobs.QueryUpload(rpc.QueryUploadRequest(
@@ -395,7 +397,7 @@ class Expiry(harness.ServiceTest):
             released = threading.Event()
 
             def messages():
-                yield from self.upload(job, [("whole.png", harness.png(seed=i))])
+                yield from self.upload(job, [("whole.png", harness.png(seed=i))], end=False)
                 yield rpc.UploadImagesRequest(file=file_header("part.png", data))
                 yield rpc.UploadImagesRequest(chunk=data[:1 << 20])
                 released.wait(harness.PATIENCE_S)

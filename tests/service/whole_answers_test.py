@@ -29,7 +29,7 @@ class Uploads(harness.ServiceTest):
             response_deserializer=rpc.UploadImagesResponse.FromString)(iter(messages))
 
     def packed(self, job, files):
-        return [message.SerializeToString() for message in self.upload(job, files)]
+        return [message.SerializeToString() for message in self.upload(job, files, end=False)]
 
     def archive(self, entries):
         packed = io.BytesIO()
@@ -62,6 +62,8 @@ class Uploads(harness.ServiceTest):
         end = rpc.UploadImagesRequest(end=rpc.UploadEnd(files=2)).SerializeToString()
         self.assert_refused(lambda: self.upload_bytes(both[:3] + [end]), INVALID,
                             "UPLOAD_INCOMPLETE", "end.files", "2 files were sent and 1 came")
+        self.assert_refused(lambda: self.upload_bytes(both), INVALID, "UPLOAD_INCOMPLETE", "end",
+                            "2 files came")
         self.assertEqual(self.upload_bytes(both + [end]).files_received, 2)
 
     def test_an_answer_names_a_hundred_files_that_were_skipped_at_most(self):

@@ -115,10 +115,6 @@ class Tokens(TokenTest):
             self.assertEqual(reply.code, 401, reply.body)
             self.assertNotIn("Set-Cookie", reply.headers)
 
-    def assert_fails(self, reply, code, reason, words="."):
-        self.assertEqual(reply.code, code, reply.body)
-        self.assertRegex(reply.reason(), reason)
-
     def test_sessions_of_two_servers_on_one_host(self):
         other = {"Host": "127.0.0.1:1"}
         cookies = {"Cookie": "; ".join((self.log_in("bob", other)["Cookie"],

@@ -204,7 +204,7 @@ await step("answers that come after leaving change nothing", async () => {
   await page.goto(`${url}/#/${job}`);
   const heading = (name) => page.getByRole("heading", {name, exact: true}).waitFor();
   await heading("by HTTP");
-  const about = (path) => new RegExp(`${job}${path}$`);
+  const about = (path) => new RegExp(`${job}${path}(\\?|$)`);
   // From the page that asks for `path` to `next`, before it is answered.
   const leave = async (path, from, next) => {
     const {asked, release} = await hold(about(path), "GET");
@@ -365,7 +365,7 @@ await step("a full picture whose connection breaks inside of it", async () => {
 await step("a scene whose first answer is that the server is busy", async () => {
   await page.goto(`${url}/#/`);
   let busy = true;
-  await page.route(/\/cameras$/, (route) => busy ? route.fulfill({status: 429, json: {
+  await page.route(/\/cameras\?/, (route) => busy ? route.fulfill({status: 429, json: {
     code: 8, message: "too many wait", details: [{"@type": "type.googleapis.com/google.rpc.RetryInfo"}]}})
     : route.continue());
   await page.goto(`${url}/#/${job}/scene`);

@@ -133,6 +133,22 @@ await step("files that do not arrive are no refusals, and can be sent again", as
   await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
 });
 
+await step("no photo is sent beside cameras that are refused, and none without being asked", async () => {
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  const file = (name, text) => ({name, mimeType: "text/plain", buffer: Buffer.from(text)});
+  await choose(["a.png", "b.png", "c.png"].map((name) => join(photos, name)));
+  await choose([file("cameras.txt", "no camera"), file("points3D.txt", "")]);
+  await page.getByText("3 photos, 1 file of cameras,").waitFor();
+  sent.length = 0;
+  await start.click();
+  await page.getByText("1 of 4 files were refused:").waitFor();
+  assert.ok(!sent.some((request) => /\.png$/.test(request)));
+  await page.getByRole("button", {name: "Send the others without them"}).click();
+  await page.getByText("1 of 4 files were refused:").waitFor();
+  await page.getByRole("button", {name: "Start without them"}).click();
+  await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
+});
+
 await step("a photo that is left out of an archive", async () => {
   await page.getByRole("link", {name: "New job", exact: true}).first().click();
   await choose(archive);

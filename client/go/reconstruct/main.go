@@ -165,7 +165,7 @@ func upload(jobs pb.ReconstructionServiceClient, job, photo string) error {
 	send(&pb.UploadImagesRequest{Part: &pb.UploadImagesRequest_Name{Name: job}})
 	sum := sha256.Sum256(data)
 	send(&pb.UploadImagesRequest{Part: &pb.UploadImagesRequest_File{File: &pb.FileHeader{
-		Name: filepath.Base(photo), SizeBytes: int64(len(data)), Sha256: sum[:]}}})
+		FileName: filepath.Base(photo), SizeBytes: int64(len(data)), Sha256: sum[:]}}})
 	for chunk := 256 << 10; len(data) > 0; data = data[chunk:] {
 		if chunk > len(data) {
 			chunk = len(data)

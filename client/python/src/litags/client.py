@@ -157,7 +157,8 @@ class Client:
             return job
         starting = False
         try:
-            self._upload_all(job, found, strict)
+            for turn in files.turns(found):
+                self._upload_all(job, turn, strict)
             starting = True
             self._call(self.jobs.StartJob,
                        rpc.StartJobRequest(name=job, request_id=str(uuid.uuid4())))
@@ -223,8 +224,13 @@ class Client:
 
     def cameras(self, job: str) -> list[str]:
         """Names of the photos whose cameras were found: what `render` takes."""
-        request = render_service_pb2.ListCamerasRequest(name=_name(job))
-        return [camera.name for camera in self._call(self.pictures.ListCameras, request).cameras]
+        request, names = render_service_pb2.ListCamerasRequest(name=_name(job)), []
+        while True:
+            page = self._call(self.pictures.ListCameras, request)
+            names += [camera.name for camera in page.cameras]
+            if not page.next_page_token:
+                return names
+            request.page_token = page.next_page_token
 
     def view(self, job: str, camera: str = "", *,
              pose: render_service_pb2.Pose | None = None,

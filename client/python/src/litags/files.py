@@ -45,7 +45,7 @@ class File:
         return cls(path, role, path.stat().st_size + len(tail), digest.digest(), tail)
 
     def header(self, offset: int = 0) -> rpc.FileHeader:
-        return rpc.FileHeader(name=self.path.name, role=self.role, size_bytes=self.size,
+        return rpc.FileHeader(file_name=self.path.name, role=self.role, size_bytes=self.size,
                               sha256=self.sha256, offset=offset)
 
 
@@ -127,7 +127,8 @@ def find_cameras(cameras: Path) -> list[File]:
         return [File.read(path, rpc.FILE_ROLE_CAMERAS, _bundler_list(path))]
     ending = ".bin" if (path / "cameras.bin").exists() else ".txt"
     files = [path / f"{stem}{ending}" for stem in ("cameras", "images", "points3D")]
-    if not files[2].exists():
+    # COLMAP's recipe for known poses makes points3D.txt with nothing in it.
+    if not files[2].exists() or (ending == ".txt" and files[2].stat().st_size == 0):
         del files[2]
     return [File.read(file, rpc.FILE_ROLE_COLMAP) for file in files]
 
@@ -202,6 +203,17 @@ def content_digest(found: Iterable[File]) -> bytes:
     for file in sorted(found, key=lambda file: (file.role, file.path.name.encode())):
         digest.update(f"{int(file.role)}/{file.path.name}\n".encode() + file.sha256)
     return digest.digest()
+
+
+def turns(found: Iterable[File]) -> tuple[list[File], list[File]]:
+    """What a job cannot start with if it is wrong, and the rest: if one is refused, no photo has been
+    sent."""
+    first_roles = (rpc.FILE_ROLE_CAMERAS, rpc.FILE_ROLE_COLMAP, rpc.FILE_ROLE_DEPTH)
+    first: list[File] = []
+    rest: list[File] = []
+    for file in found:
+        (first if file.role in first_roles else rest).append(file)
+    return first, rest
 
 
 def upload_messages(job: str, files: Sequence[File],

@@ -10,12 +10,12 @@ const kFormats: [format: string, text: string, ending: string][] = [
   ["PLY", "PLY, normally lit", ".ply"], ["SPZ", "SPZ", ".spz"], ["SOG", "SOG", ".sog"],
   ["COMPRESSED_PLY", "compressed PLY", ".compressed.ply"], ["SPLAT", "splat", ".splat"],
   ["GLB", "glTF", ".glb"], ["USDA", "OpenUSD", ".usda"], ["SPZ_V4", "SPZ, version 4", ".spz"],
-  ["PLY_ORIGINAL_LIGHT", "PLY, original light", ".ply"], ["PLY_FULL", "PLY, all attributes", ".ply"],
+  ["PLY_FULL", "PLY, all attributes", ".ply"],
   ["HTML", "a page that shows it", ".html"], ["COLMAP", "COLMAP model", ".zip"], ["POINTS", "points, PLY", ".points.ply"], ["LAS", "points, LAS", ".las"],
   ["MESH_GLB", "mesh, glTF", ".mesh.glb"], ["MESH_PLY", "mesh, PLY", ".mesh.ply"],
 ];
 
-const kOfLitags = ["PLY_ORIGINAL_LIGHT", "PLY_FULL"];  // plain 3DGS knows nothing of light
+const kOfLitags = ["PLY_FULL"];  // plain 3DGS knows nothing of light
 
 export interface Part { element: HTMLElement; show: (job: Job) => void; leave?: () => void }
 

@@ -1,5 +1,6 @@
 // The services by HTTP, and the parts of their messages that the page uses.
 
+import type {Cameras} from "./camera.js";
 export type {Camera, Cameras, Vector} from "./camera.js";
 
 export interface Progress {
@@ -58,7 +59,7 @@ export interface PhotoFindings {
 }
 
 export interface JobFile {
-  name: string;
+  fileName: string;
   role?: string;
   width?: number;
   height?: number;
@@ -163,6 +164,18 @@ export async function call<T>(method: string, path: string, body?: unknown): Pro
 export const get = <T>(path: string): Promise<T> => call<T>("GET", path);
 export const post = <T>(path: string, body: unknown = {}): Promise<T> =>
     call<T>("POST", path, body);
+
+// All pages of ListCameras.
+export async function camerasOf(job: string): Promise<Cameras> {
+  const all: Cameras["cameras"] = [];
+  for (let pageToken = "";;) {
+    const query = new URLSearchParams({pageSize: "10000", pageToken});
+    const page = await get<Cameras & {nextPageToken?: string}>(`/v1/${job}/cameras?${query}`);
+    all.push(...page.cameras ?? []);
+    if (!page.nextPageToken) return {...page, cameras: all};
+    pageToken = page.nextPageToken;
+  }
+}
 
 // Makes a repeated call the same call.
 export const newId = (): string =>

@@ -33,7 +33,7 @@ function distinct(texts: string[], what: string): string {
 
 // One line on all photos.
 function summaryOf(photos: JobFile[], why: Map<string, string>): string {
-  const out = photos.filter((p) => why.has(p.name)).length, used = photos.length - out;
+  const out = photos.filter((p) => why.has(p.fileName)).length, used = photos.length - out;
   const sizes = distinct(photos.map((p) => `${p.width}\u00d7${p.height} px`), "sizes");
   const lenses = distinct(photos.map((p) => lensText(p.found ?? {})), "focal lengths");
   const stops = photos.flatMap((p) => p.found?.stops === undefined ? [] : [p.found.stops]);
@@ -55,7 +55,7 @@ function row(photo: JobFile, why: string | undefined): HTMLElement {
   const cells = [`${photo.width}\u00d7${photo.height}`, lensText(found), exposureText(found),
                  found.stops === undefined ? "" : stopsText(found.stops),
                  found.sharpness ? found.sharpness.toFixed(2) : ""];
-  return el("tr", why ? {class: "dropped"} : {}, el("th", {scope: "row"}, photo.name),
+  return el("tr", why ? {class: "dropped"} : {}, el("th", {scope: "row"}, photo.fileName),
             ...cells.map((text) => el("td", {}, text)), el("td", {}, why ? `left out: ${why}` : "used"));
 }
 
@@ -64,7 +64,7 @@ function table(photos: JobFile[], why: Map<string, string>): HTMLElement {
       (text) => el("th", {scope: "col"}, text));
   return el("div", {class: "wide", tabindex: 0, role: "group", "aria-label": "Table of the photos"},
             el("table", {class: "photos"}, el("thead", {}, el("tr", {}, ...head)),
-               el("tbody", {}, ...photos.map((p) => row(p, why.get(p.name))))));
+               el("tbody", {}, ...photos.map((p) => row(p, why.get(p.fileName))))));
 }
 
 // All of them: a page of the list ends before it is too large for a message.
@@ -88,7 +88,7 @@ export function findings(name: string): Part {
     const photos = (files ?? []).filter((f) => f.role === "FILE_ROLE_PHOTO");
     const video = files?.find((f) => f.role === "FILE_ROLE_VIDEO");
     const why = new Map((job?.report?.dropped ?? []).map((photo) => [photo, "see the notes"]));
-    for (const photo of photos) if (photo.found?.leftOut) why.set(photo.name, `it ${photo.found.leftOut}`);
+    for (const photo of photos) if (photo.found?.leftOut) why.set(photo.fileName, `it ${photo.found.leftOut}`);
     summary.textContent = video ? videoText(video)
       : photos.length ? `${summaryOf(photos, why)}.` : files ? "There are no photos." : "";
     body.replaceChildren(photos.length ? table(photos, why) : "");

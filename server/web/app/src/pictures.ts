@@ -1,6 +1,6 @@
 // A job's pictures from its photos' places: before and after.
 
-import {get, type Cameras, type Job} from "./api.js";
+import {camerasOf, type Job} from "./api.js";
 import {compare} from "./compare.js";
 import {el, labelled, select} from "./dom.js";
 import {titleOf} from "./format.js";
@@ -38,7 +38,7 @@ export function pictures(): Part {
     let name = "";
     try {
       if (camera.options.length === 0) {
-        const cameras = await get<Cameras>(`/v1/${job.name}/cameras`);
+        const cameras = await camerasOf(job.name);
         camera.append(...(cameras.cameras ?? []).map(({name}) => el("option", {value: name}, name)));
       }
       name = camera.value;  // of both pictures, whatever is chosen meanwhile

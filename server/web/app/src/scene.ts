@@ -1,6 +1,6 @@
 // Through a scene: pictures from wherever one goes, drawn by the server or in the browser.
 
-import {get, saidOfRetried, type ApiError, type Cameras, type Job, type Picture} from "./api.js";
+import {camerasOf, get, saidOfRetried, type ApiError, type Cameras, type Job, type Picture} from "./api.js";
 import {add, frameOf, OrbitCamera, type V3} from "./camera.js";
 import {hasWebGl} from "./contract.js";
 import {control} from "./controls.js";
@@ -234,7 +234,7 @@ export function sceneView(id: string): View {
     try {
       const job = await get<Job>(`/v1/jobs/${id}`);
       heading.textContent = titleOf(job);
-      const cameras = await get<Cameras>(`/v1/jobs/${id}/cameras`);
+      const cameras = await camerasOf(`jobs/${id}`);
       if (left) return;
       stage = new Stage(job, cameras);
       place.replaceChildren(stage.element);

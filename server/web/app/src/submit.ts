@@ -193,7 +193,7 @@ function fileChooser(busy: () => boolean, change: () => void): {
 }
 
 // Which of `all` files, or of those in archives, the job does not have, and what can be done now.
-function whatIsMissing({refused, lost}: Missing, leftOut: string[], all: number, actions: {
+function whatIsMissing({refused, lost, unsent}: Missing, leftOut: string[], all: number, actions: {
   again: () => void; start: () => void; look: () => void;
 }): HTMLElement[] {
   const list = (files: string[], what: string): HTMLElement[] => files.length === 0 ? [] : [
@@ -201,8 +201,9 @@ function whatIsMissing({refused, lost}: Missing, leftOut: string[], all: number,
   const count = (files: Map<Chosen, string>, what: string): HTMLElement[] =>
       list([...files.values()], `${files.size} of ${all} files ${what}:`);
   const button = (text: string, click: () => void): HTMLElement => el("button", {type: "button", click}, text);
-  const buttons = [button("Start without them", actions.start), button("Look at the others first", actions.look)];
-  if (lost.size > 0) buttons.unshift(button("Send them again", actions.again));
+  const buttons = unsent.length > 0 ? [button("Send the others without them", actions.again)] : [
+    button("Start without them", actions.start), button("Look at the others first", actions.look)];
+  if (lost.size > 0 && unsent.length === 0) buttons.unshift(button("Send them again", actions.again));
   buttons[0]!.className = "primary";
   return [...count(refused, "were refused"), ...count(lost, "did not arrive"),
           ...list(leftOut, "Not used, of what is in the archive:"), el("div", {class: "row"}, ...buttons)];
@@ -277,7 +278,8 @@ export function submitView(): View {
     if (missing.refused.size + missing.lost.size + leftOut.length === 0) return open(job, start, signal);
     const openAnyway = (start: boolean): void => void busy((signal) => open(job, start, signal));
     result.replaceChildren(...whatIsMissing(missing, leftOut, all.length, {
-      again: () => void busy((signal) => sendRest(job, all, [...missing.lost.keys()], missing.refused, start, signal)),
+      again: () => void busy((signal) => sendRest(job, all, [...missing.lost.keys(), ...missing.unsent], missing.refused,
+                                                  start, signal)),
       start: () => openAnyway(true), look: () => openAnyway(false),
     }));
   };

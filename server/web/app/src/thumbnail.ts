@@ -8,7 +8,7 @@ const kRefreshMs = 15000;  // of a scene that changes
 const pictures = new Map<string, {iteration: number; time: number; url: string}>();
 
 async function load(job: Job): Promise<string> {
-  const cameras = await get<Cameras>(`/v1/${job.name}/cameras`);
+  const cameras = await get<Cameras>(`/v1/${job.name}/cameras?pageSize=1`);
   const first = cameras.cameras?.[0]?.name;
   if (!first) return "";
   const query = new URLSearchParams({

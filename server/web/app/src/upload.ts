@@ -39,7 +39,9 @@ export function roleOf(path: string): string | null {
 export function choose(files: {file: File; path: string}[]): Chosen[] {
   return files.flatMap(({file, path}) => {
     const role = roleOf(path);
-    return role ? [{file, name: file.name, role}] : [];
+    // COLMAP's recipe for known poses makes it with nothing in it.
+    const noPoints = file.size === 0 && /^points3d\.txt$/i.test(file.name);
+    return role && !noPoints ? [{file, name: file.name, role}] : [];
   });
 }
 
@@ -148,7 +150,7 @@ async function sendFile(job: string, chosen: Chosen, attempts: number, step: (by
   for (let attempt = 1, arrived = 0; ; ++attempt) {
     try {
       signal.throwIfAborted();
-      const query = {name: chosen.name, role: chosen.role, sizeBytes: chosen.file.size,
+      const query = {fileName: chosen.name, role: chosen.role, sizeBytes: chosen.file.size,
                      sha256: digest};
       const answer = await post<{files: {stored?: boolean; offset?: string}[]}>(
           `/v1/${job}/files:query`, {files: [query]});
@@ -170,6 +172,7 @@ async function sendFile(job: string, chosen: Chosen, attempts: number, step: (by
 export interface Missing {
   refused: Map<Chosen, string>;  // by the server, which would refuse them again
   lost: Map<Chosen, string>;     // they did not arrive
+  unsent: Chosen[];              // since others are refused
 }
 
 function whyOf(chosen: Chosen, error: unknown): string {
@@ -177,14 +180,14 @@ function whyOf(chosen: Chosen, error: unknown): string {
   return why.includes(chosen.name) ? why : `${chosen.name}: ${why}`;
 }
 
-// Sends all, three at a time. Resolves to those that the job does not have.
+// Sends all, three at a time: first what a job cannot start with if it is wrong, and no others if one of
+// these is refused. Resolves to those that the job does not have.
 export async function send(job: string, files: Chosen[], step: (bytes: number) => void,
                            signal: AbortSignal): Promise<Missing> {
-  const missing: Missing = {refused: new Map(), lost: new Map()};
+  const missing: Missing = {refused: new Map(), lost: new Map(), unsent: []};
   const sent = new Map<Chosen, number>();
-  const queue = [...files];
   let attempts = kAttempts;
-  const work = async (): Promise<void> => {
+  const work = async (queue: Chosen[]): Promise<void> => {
     for (let chosen = queue.shift(); chosen; chosen = queue.shift()) {
       const own = chosen;
       const tell = (bytes: number): void => {
@@ -203,6 +206,11 @@ export async function send(job: string, files: Chosen[], step: (bytes: number) =
       }
     }
   };
-  await Promise.all([work(), work(), work()]);
+  const sendAll = (queue: Chosen[]): Promise<void[]> => Promise.all([work(queue), work(queue), work(queue)]);
+  const goesFirst = ({role}: Chosen): boolean => /CAMERAS|COLMAP|DEPTH/.test(role);
+  await sendAll(files.filter(goesFirst));
+  const rest = files.filter((chosen) => !goesFirst(chosen));
+  if (missing.refused.size > 0) missing.unsent = rest;
+  else await sendAll(rest);
   return missing;
 }
