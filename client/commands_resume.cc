@@ -39,7 +39,7 @@ void AddResumeCommand(CLI::App& app, Session& session) {
                                          "finished scene further");
   AddJobArgument(*command, args->job);
   AddOptionFlags(*command, args->options, "Options",
-                 {"iterations", "threads", "checkpoint_every", "preview_every"});
+                 {"iterations", "threads", "min_registered", "checkpoint_every", "preview_every"});
   AddTreatmentOptions(*command, args->treatment);
   command->callback([&session, args] { session.exit_code = Resume(session, *args); });
 }

@@ -3,19 +3,14 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <filesystem>
-#include <map>
 #include <set>
 #include <string>
 #include <tuple>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
-#include "engine/core/counted.h"
 #include "engine/core/error.h"
-#include "engine/core/limits.h"
-#include "engine/core/mask.h"
 #include "server/jobs/codec.h"
+#include "server/jobs/start_checks.h"
 #include "server/jobs/transition.h"
 #include "server/store/digest.h"
 
@@ -25,105 +20,14 @@ namespace {
 // A job whose last events, so many, are all changes of its state is not queued again.
 constexpr int kEventsWithoutProgress = 1000;
 
-// What a scene needs at least. The engine may still refuse photos that pass.
-absl::Status CheckPhotos(const std::vector<FileRecord>& files) {
-  size_t photos = 0, videos = 0;
-  std::set<std::string> model;  // names of COLMAP's files
-  for (const FileRecord& file : files) {
-    if (file.role == FileRole::kColmap) model.insert(file.name);
-    if (file.role == FileRole::kPhoto) ++photos;
-    if (file.role == FileRole::kVideo) ++videos;
-  }
-  if (videos > 1 || (videos == 1 && photos > 0)) {
-    return MakeError(
-        absl::StatusCode::kFailedPrecondition, "VIDEO_NOT_ALONE", "videos",
-        absl::StrCat("the job has ", Counted(videos, "video"), " and ", Counted(photos, "photo"),
-                     "; a job takes one video, or photos: delete the others "
-                     "with DeleteFile, or make a job for each"));
-  }
-  if (videos == 0) LITAGS_RETURN_IF_ERROR(CheckPhotoCount(photos, photos));
-  const auto has = [&](const char* ending) {  // the engine triangulates points that are not there
-    return model.contains(absl::StrCat("cameras", ending)) &&
-           model.contains(absl::StrCat("images", ending));
-  };
-  if (!model.empty() && !has(".bin") && !has(".txt")) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "COLMAP_INCOMPLETE", "colmap",
-                     absl::StrCat("the job has ", absl::StrJoin(model, ", "),
-                                  " of a COLMAP model; upload cameras.bin and images.bin, and "
-                                  "points3D.bin if there is one, or the same as .txt"));
-  }
-  return absl::OkStatus();
-}
-
-// Every mask fits a photo. The engine finds them by the same rule, and by what a transforms.json
-// says, which it alone reads.
-absl::Status CheckMasks(const std::vector<FileRecord>& files) {
-  std::vector<std::string> photos, masks;
-  std::map<std::pair<FileRole, std::string>, const FileRecord*> records;
-  bool has_cameras = false;
-  for (const FileRecord& file : files) {
-    if (file.role == FileRole::kPhoto) photos.push_back(file.name);
-    if (file.role == FileRole::kMask) masks.push_back(file.name);
-    has_cameras |= file.role == FileRole::kCameras;
-    records[{file.role, file.name}] = &file;
-  }
-  const auto mask_of = MatchMasks(photos, masks);
-  if (!mask_of.ok() && has_cameras) return absl::OkStatus();
-  LITAGS_RETURN_IF_ERROR(mask_of.status());
-  for (const auto& [photo_name, mask_name] : *mask_of) {
-    const FileRecord& photo = *records[{FileRole::kPhoto, photo_name}];
-    const FileRecord& mask = *records[{FileRole::kMask, mask_name}];
-    LITAGS_RETURN_IF_ERROR(
-        CheckMaskSize(mask_name, mask.width, mask.height, photo.width, photo.height));
-  }
-  return absl::OkStatus();
-}
-
-// Whether a map may be of a photo, by their names; frames of videos have no names yet, and views of
-// panoramas have the panorama's and more.
-bool MapsMayFit(const std::vector<FileRecord>& files) {
-  namespace fs = std::filesystem;
-  std::vector<std::string> photos, maps;
-  for (const FileRecord& file : files) {
-    if (file.role == FileRole::kVideo) return true;
-    if (file.role == FileRole::kPhoto) photos.push_back(fs::path(file.name).stem());
-    if (file.role == FileRole::kDepth) maps.push_back(fs::path(file.name).stem());
-  }
-  return std::any_of(maps.begin(), maps.end(), [&](const std::string& map) {
-    return std::any_of(photos.begin(), photos.end(),
-                       [&](const std::string& photo) { return map.starts_with(photo); });
-  });
-}
-
-// As the engine's CheckDepthSource(), before the job waits for its turn.
-absl::Status CheckDepthMaps(const JobRecord& job, const std::vector<FileRecord>& files) {
-  if (job.options.empty()) return absl::OkStatus();
-  LITAGS_ASSIGN_OR_RETURN(const auto options, Decode<ReconstructOptions>(job.options));
-  const bool maps =
-      options.depth_source == DepthOrigin::kMaps || options.depth_source == DepthOrigin::kAuto;
-  if (!maps || options.method == Method::k3dgs) return absl::OkStatus();
-  const bool any = std::any_of(files.begin(), files.end(), [](const FileRecord& file) {
-    return file.role == FileRole::kDepth;
-  });
-  if (any && !MapsMayFit(files)) {
-    return InvalidInput("DEPTH_MAP_WITHOUT_PHOTO", "depth",
-                        "depth: no map has the name of a photo; name maps as their photos, a.png "
-                        "for a.jpg, or make a job with another depth source");
-  }
-  if (any || options.depth_source == DepthOrigin::kAuto) return absl::OkStatus();
-  return MakeError(absl::StatusCode::kFailedPrecondition, "DEPTH_MAPS_MISSING",
-                   "options.depth_source",
-                   "options.depth_source: maps were asked for and the job has none; upload depth "
-                   "maps, or make a job with another source");
+absl::StatusOr<ReconstructOptions> OptionsOf(const JobRecord& job) {
+  if (job.options.empty()) return ReconstructOptions();
+  return Decode<ReconstructOptions>(job.options);
 }
 
 // The caps may be others than when the job was made. Its priority is not checked: whoever set it
 // could, an administrator too, and this call leaves it. Nor is its run time, which is cut instead.
-absl::Status ApplyCaps(const JobCaps& caps, JobRecord* job) {
-  ReconstructOptions options;
-  if (!job->options.empty()) {
-    LITAGS_ASSIGN_OR_RETURN(options, Decode<ReconstructOptions>(job->options));
-  }
+absl::Status ApplyCaps(const JobCaps& caps, const ReconstructOptions& options, JobRecord* job) {
   LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(*job));
   caps.LimitRunTime(&policy);
   JobPolicy checked = policy;
@@ -287,10 +191,13 @@ absl::Status Jobs::CheckProgress(std::string_view id, const std::string& request
 absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_view message) {
   LITAGS_RETURN_IF_ERROR(NextState(job.job.state, action).status());
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
-  LITAGS_RETURN_IF_ERROR(CheckPhotos(files));
-  LITAGS_RETURN_IF_ERROR(CheckMasks(files));
-  LITAGS_RETURN_IF_ERROR(CheckDepthMaps(job.job, files));
-  LITAGS_RETURN_IF_ERROR(ApplyCaps(view_.caps, &job.job));
+  LITAGS_ASSIGN_OR_RETURN(const ReconstructOptions options, OptionsOf(job.job));
+  LITAGS_RETURN_IF_ERROR(CheckFiles(files, options));
+  LITAGS_RETURN_IF_ERROR(ApplyCaps(view_.caps, options, &job.job));
+  LITAGS_ASSIGN_OR_RETURN(const JobPolicy policy, PolicyOf(job.job));
+  LITAGS_ASSIGN_OR_RETURN(const int64_t least,
+                          LeastMemory(files, options, policy.max_memory_bytes));
+  job.job.needs = EncodedNeedsOf(policy, options, least);
   job.job.attempt = 0;
   job.job.run_ms = 0;
   return ApplyAction(job, action, clock_(), message);
@@ -326,7 +233,7 @@ absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& 
     LITAGS_RETURN_IF_ERROR(CheckNetwork(job.job, workers));
     job.job.start_request_id = request_id;
     if (!change) return Enqueue(job, JobAction::kResume, "resumed");
-    LITAGS_ASSIGN_OR_RETURN(const auto before, Decode<ReconstructOptions>(job.job.options));
+    LITAGS_ASSIGN_OR_RETURN(const ReconstructOptions before, OptionsOf(job.job));
     LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(job.job));
     const double run_seconds = policy.max_run_seconds;
     ReconstructOptions options = before;
@@ -341,7 +248,6 @@ absl::StatusOr<JobRecord> Jobs::Resume(std::string_view id, const ResumeChange& 
     job.job.options = Encode(options);
     job.job.policy = Encode(policy);
     job.job.priority = policy.priority;
-    job.job.needs = EncodedNeedsOf(policy, options);
     const int more = options.iterations - before.iterations;
     if (more == 0) return Enqueue(job, JobAction::kResume, "resumed");
     return Enqueue(job, JobAction::kExtend,

@@ -105,9 +105,8 @@ class Jobs {
   // Files for jobs that are not started yet.
   Uploads& uploads() { return uploads_; }
 
-  // FAILED_PRECONDITION: TOO_FEW_PHOTOS, COLMAP_INCOMPLETE, DEPTH_MODEL_MISSING,
-  // JOB_WITHOUT_PROGRESS (its last thousand events show none), beside the state's own. Errors of
-  // JobCaps::Check().
+  // FAILED_PRECONDITION: DEPTH_MODEL_MISSING, JOB_WITHOUT_PROGRESS (its last thousand events show
+  // none), beside the state's own. Errors of CheckFiles(), LeastMemory() and JobCaps::Check().
   // With the request_id of the call that queued the job last it changes nothing, as Resume().
   absl::StatusOr<JobRecord> Start(std::string_view id, const std::string& request_id = "");
   absl::StatusOr<JobRecord> Cancel(std::string_view id);

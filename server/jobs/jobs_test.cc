@@ -6,10 +6,14 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs_test_util.h"
+#include "server/jobs/placement.h"
+#include "server/reader/file_findings.h"
 #include "server/store/digest.h"
 
 namespace litags {
@@ -94,14 +98,36 @@ TEST_F(JobsTest, TwoPhotosAreTooFew) {
 TEST_F(JobsTest, AColmapModelNeedsCamerasAndImagesOfOneForm) {
   const std::string id = jobs_.Create({})->id;
   for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) ASSERT_TRUE(Add(id, name).ok());
-  for (const char* name : {"cameras.bin", "points3D.bin", "images.txt"}) {
+  for (const char* name : {"cameras.txt", "points3D.txt", "images.bin"}) {
     ASSERT_TRUE(Add(id, name, 0, 0, FileRole::kColmap).ok());
     const absl::Status status = jobs_.Start(id).status();
     EXPECT_EQ(Reason(status), "COLMAP_INCOMPLETE");
     EXPECT_THAT(std::string(status.message()), HasSubstr(name));
   }
-  ASSERT_TRUE(Add(id, "cameras.txt", 0, 0, FileRole::kColmap).ok());
-  EXPECT_TRUE(jobs_.Start(id).ok());  // points3D.txt is not needed
+  ASSERT_TRUE(Add(id, "cameras.bin", 0, 0, FileRole::kColmap).ok());
+  EXPECT_TRUE(jobs_.Start(id).ok());  // points3D.bin is not needed
+}
+
+TEST_F(JobsTest, AJobWaitsForAWorkerThatHasTheMemoryOfItsPhotos) {
+  const std::string id = jobs_.Create({})->id;
+  for (int i = 0; i < 3; ++i) {
+    const std::string name = absl::StrCat(i, ".jpg"), path = data_.tmp() + "/staged";
+    std::ofstream(path) << name;
+    PhotoFindings found;
+    found.structure = 1;
+    found.pixels = absl::StrCat("000000000000000", i);
+    ASSERT_TRUE(jobs_.uploads()
+                    .Add(id,
+                         {name, FileRole::kPhoto, 5, Sha256::Hex(name), 12000, 9000, Encode(found)},
+                         path)
+                    .ok());
+  }
+  const auto started = jobs_.Start(id);
+  ASSERT_TRUE(started.ok()) << started.status();
+  constexpr int64_t kGiB = int64_t{1} << 30;
+  EXPECT_THAT(WaitsFor(*started, {Resources{8, kGiB, {}}}), HasSubstr("smaller max_image_side"));
+  EXPECT_FALSE(leases_.Acquire("small", {8, kGiB, {}})->has_value());
+  EXPECT_TRUE(leases_.Acquire("large", {8, 64 * kGiB, {}})->has_value());
 }
 
 TEST_F(JobsTest, PhotosMayHaveSeveralSizes) {

@@ -6,12 +6,14 @@
 #include "absl/strings/str_join.h"
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
+#include "engine/pipeline/depth_maps.h"
 #include "server/jobs/codec.h"
 
 namespace litags {
 namespace {
 
 constexpr size_t kMaxLabels = 8, kMaxLabelLength = 63;
+constexpr int64_t kMemoryStep = int64_t{256} << 20;
 
 bool IsLabel(const std::string& label) {
   return !label.empty() && label.size() <= kMaxLabelLength &&
@@ -19,6 +21,9 @@ bool IsLabel(const std::string& label) {
              "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
              "-_./=") == std::string::npos;
 }
+
+// A worker leaves an eighth of its memory to itself (JobMonitor).
+int64_t WithWorkersShare(int64_t bytes) { return bytes + (bytes + 6) / 7; }
 
 bool IsNothing(const Resources& needs) {
   return needs.cores == 0 && needs.memory_bytes == 0 && needs.labels.empty();
@@ -60,16 +65,22 @@ bool HasDepthNetwork(const Resources& has) {
   return std::binary_search(has.labels.begin(), has.labels.end(), kDepthNetworkLabel);
 }
 
-Resources NeedsOf(const JobPolicy& policy, const ReconstructOptions& options) {
+Resources NeedsOf(const JobPolicy& policy, const ReconstructOptions& options, int64_t least) {
   std::vector<std::string> labels = policy.worker_labels;
-  if (options.depth_source == DepthOrigin::kNetwork) labels.emplace_back(kDepthNetworkLabel);
-  return {policy.min_cores,
-          policy.min_memory_bytes > 0 ? policy.min_memory_bytes : policy.max_memory_bytes,
+  if (ResolveDepthOrigin(options.ResolveRecipe(), options, {}) == DepthOrigin::kNetwork) {
+    labels.emplace_back(kDepthNetworkLabel);
+  }
+  // Without a limit of its own a job may take what its worker leaves it.
+  if (policy.max_memory_bytes == 0) least = WithWorkersShare(least);
+  const int64_t asked =
+      policy.min_memory_bytes > 0 ? policy.min_memory_bytes : policy.max_memory_bytes;
+  return {policy.min_cores, std::max(asked, least - least % kMemoryStep),
           Sorted(std::move(labels))};
 }
 
-std::string EncodedNeedsOf(const JobPolicy& policy, const ReconstructOptions& options) {
-  const Resources needs = NeedsOf(policy, options);
+std::string EncodedNeedsOf(const JobPolicy& policy, const ReconstructOptions& options,
+                           int64_t least) {
+  const Resources needs = NeedsOf(policy, options, least);
   return IsNothing(needs) ? "" : Encode(needs);
 }
 
@@ -117,8 +128,15 @@ std::string WaitsFor(const JobRecord& job, const Workforce& workers) {
                                 ? "the only one that is there has "
                                 : absl::StrCat("of the ", workers.size(),
                                                " that are there none has all of it, the largest ");
+  const auto policy = PolicyOf(job);
+  const bool of_photos =
+      policy.ok() && needs.memory_bytes > most.memory_bytes &&
+      needs.memory_bytes > std::max(policy->min_memory_bytes, policy->max_memory_bytes);
   return absl::StrCat(InWords(needs), "; ", there, Counted(most.cores, "core"), " and ",
-                      MiB(most.memory_bytes));
+                      MiB(most.memory_bytes),
+                      of_photos ? "; its photos take the memory: less in a clone of the job with a "
+                                  "smaller max_image_side"
+                                : "");
 }
 
 }  // namespace litags

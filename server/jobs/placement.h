@@ -33,10 +33,13 @@ std::vector<std::string> Sorted(std::vector<std::string> labels);
 inline constexpr char kDepthNetworkLabel[] = "depth-network";
 bool HasDepthNetwork(const Resources& has);
 
-// A job that does not say what memory it needs, but what it may take, needs that.
-Resources NeedsOf(const JobPolicy& policy, const ReconstructOptions& options);
+// A job that does not say what memory it needs, but what it may take, needs that. `least`: bytes
+// that its photos take, as LeastMemory() has it; counted by whole 256 MiB, so that jobs of like
+// needs have equal ones, and below that not at all.
+Resources NeedsOf(const JobPolicy& policy, const ReconstructOptions& options, int64_t least = 0);
 // The same as JobRecord::needs: equal needs are equal texts; empty: nothing.
-std::string EncodedNeedsOf(const JobPolicy& policy, const ReconstructOptions& options);
+std::string EncodedNeedsOf(const JobPolicy& policy, const ReconstructOptions& options,
+                           int64_t least = 0);
 
 bool Fits(const Resources& needs, const Resources& has);
 // The same of JobRecord::needs; false for a text that cannot be read.

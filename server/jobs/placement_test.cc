@@ -42,6 +42,8 @@ TEST(Placement, EqualNeedsAreEqualTextsAndNoneIsEmpty) {
   ReconstructOptions network;
   network.depth_source = DepthOrigin::kNetwork;
   EXPECT_THAT(NeedsOf(policy, network).labels, ElementsAre("a", "b", kDepthNetworkLabel));
+  network.method = Method::k3dgs;  // learns without depth
+  EXPECT_THAT(NeedsOf(policy, network).labels, ElementsAre("a", "b"));
   policy.max_memory_bytes = 4 * kGiB;
   EXPECT_EQ(NeedsOf(policy, {}).memory_bytes, 4 * kGiB) << "what it may take it may need";
   policy.min_memory_bytes = kGiB;

@@ -1,7 +1,7 @@
 #include "server/jobs/resume.h"
 
-#include <algorithm>
 #include <string>
+#include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -10,19 +10,24 @@
 namespace litags {
 namespace {
 
-// What no iteration that is done would have done otherwise. An option that is not named here can
-// not be changed.
-constexpr std::string_view kChangeable[] = {"iterations", "threads", "checkpoint_every",
-                                            "preview_every"};
+// What no iteration that is done would have done otherwise. schedule_iterations would have, and
+// follows from `iterations`.
+bool MayChange(std::string_view name) {
+  bool may = false;
+  const ReconstructOptions options;
+  VisitFields(FieldsOf<ReconstructOptions>(), options,
+              [&](const char* field, const auto&, const FieldRule& rule) {
+                may |= name == field && !rule.shapes_scene;
+              });
+  return may && name != "schedule_iterations";
+}
 
 }  // namespace
 
 absl::StatusOr<ReconstructOptions> ResumedOptions(const ReconstructOptions& before,
                                                   ReconstructOptions wanted) {
   for (const std::string& name : Differences(before, wanted)) {
-    if (std::find(std::begin(kChangeable), std::end(kChangeable), name) != std::end(kChangeable)) {
-      continue;
-    }
+    if (MayChange(name)) continue;
     return InvalidInput("OPTION_NOT_RESUMABLE", absl::StrCat("options.", name),
                         absl::StrCat("options.", name,
                                      ": the job was begun with another value, which its scene is "

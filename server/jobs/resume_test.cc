@@ -44,6 +44,7 @@ TEST(Resume, WhatShapesNoIterationMayChange) {
   wanted.threads = 2;
   wanted.checkpoint_every = 7;
   wanted.preview_every = 9;
+  wanted.min_registered = 0.25;  // as SFM_TOO_FEW_REGISTERED advises
   const auto resumed = ResumedOptions(before, wanted);
   ASSERT_TRUE(resumed.ok()) << resumed.status();
   EXPECT_TRUE(Differences(*resumed, wanted).empty());

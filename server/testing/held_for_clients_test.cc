@@ -73,9 +73,11 @@ class HeldForClients : public ApiTest {
     request.mutable_options()->set_preview_every(5);
     v1::Job job;
     EXPECT_TRUE(client_.Create(request, &job).ok());
-    const std::string photo = TestPng();
-    EXPECT_TRUE(
-        client_.Upload(job.name(), {{"slow.png", photo}, {"b.png", photo}, {"c.png", photo}}).ok());
+    EXPECT_TRUE(client_
+                    .Upload(job.name(), {{"slow.png", TestPng()},
+                                         {"b.png", TestPng(64, 48, 1)},
+                                         {"c.png", TestPng(64, 48, 2)}})
+                    .ok());
     EXPECT_TRUE(client_.Start(job.name()).ok());
     return job.name();
   }

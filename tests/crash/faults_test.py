@@ -138,8 +138,8 @@ class Memory(FaultTest):
     def test_worker_out_of_memory_fails_the_job_and_the_next_one_works(self):
         server = self.deploy("--worker-memory", "1GiB")
         client = self.client(server)
-        greedy = [(name, harness.png(), rpc.FILE_ROLE_PHOTO)
-                  for name in ("memory.png", "b.png", "c.png")]
+        greedy = [(name, harness.png(seed=seed), rpc.FILE_ROLE_PHOTO)
+                  for seed, name in enumerate(("memory.png", "b.png", "c.png"))]
         job, events = client.run(greedy, iterations=10)
         deployment.check_events(client, job, events)
         found = client.get(job)

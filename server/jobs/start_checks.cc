@@ -1,0 +1,244 @@
+#include "server/jobs/start_checks.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "engine/core/counted.h"
+#include "engine/core/error.h"
+#include "engine/core/limits.h"
+#include "engine/core/mask.h"
+#include "engine/pipeline/depth_maps.h"
+#include "engine/pipeline/memory_estimate.h"
+#include "engine/pipeline/photo_screen.h"
+#include "engine/pipeline/video_frames.h"
+#include "server/jobs/photo_looks.h"
+#include "server/reader/file_findings.h"
+
+namespace litags {
+namespace {
+
+// By role, then by name.
+using Files = std::map<FileRole, std::map<std::string, const FileRecord*>>;
+
+Files ByRole(const std::vector<FileRecord>& files) {
+  Files by_role;
+  for (const FileRecord& file : files) by_role[file.role][file.name] = &file;
+  return by_role;
+}
+
+const std::map<std::string, const FileRecord*>& Of(const Files& files, FileRole role) {
+  static const auto& none = *new std::map<std::string, const FileRecord*>;
+  const auto found = files.find(role);
+  return found == files.end() ? none : found->second;
+}
+
+std::vector<std::string> NamesOf(const Files& files, FileRole role) {
+  std::vector<std::string> names;
+  for (const auto& [name, file] : Of(files, role)) names.push_back(name);
+  return names;
+}
+
+bool WithCameras(const Files& files) {
+  return files.contains(FileRole::kCameras) || files.contains(FileRole::kColmap);
+}
+
+// Whether the engine takes views of the photo for certain: its metadata say that it is a panorama.
+bool HasViews(const FileRecord& photo, bool with_cameras) {
+  const std::optional<PhotoFindings> findings = ParsePhotoFindings(photo.about);
+  return findings && findings->has_views != 0 && !with_cameras;
+}
+
+// Whether it may: its edges may tell, or its camera.
+bool IsPanoramaShaped(const FileRecord& photo) {
+  return photo.width > 0 && photo.width == 2 * photo.height;
+}
+
+absl::Status CheckVideo(const Files& files) {
+  const size_t videos = Of(files, FileRole::kVideo).size();
+  const size_t photos = Of(files, FileRole::kPhoto).size();
+  if (videos > 1 || photos > 0) {
+    return MakeError(
+        absl::StatusCode::kFailedPrecondition, "VIDEO_NOT_ALONE", "videos",
+        absl::StrCat("the job has ", Counted(videos, "video"), " and ", Counted(photos, "photo"),
+                     "; a job takes one video, or photos: delete the others "
+                     "with DeleteFile, or make a job for each"));
+  }
+  std::vector<std::string> beside;
+  if (WithCameras(files)) beside.emplace_back("cameras");
+  const size_t maps = Of(files, FileRole::kDepth).size();
+  if (maps > 0) beside.push_back(Counted(maps, "depth map"));
+  const size_t masks = Of(files, FileRole::kMask).size();
+  if (masks > 0) beside.push_back(Counted(masks, "mask"));
+  return CheckVideoAlone(beside);
+}
+
+absl::Status CheckNumberOfPhotos(const Files& files) {
+  const auto& photos = Of(files, FileRole::kPhoto);
+  const bool with_cameras = WithCameras(files);
+  const bool views = std::any_of(photos.begin(), photos.end(), [&](const auto& photo) {
+    return HasViews(*photo.second, with_cameras) ||
+           (with_cameras && IsPanoramaShaped(*photo.second));
+  });
+  return views ? absl::OkStatus() : CheckPhotoCount(photos.size(), photos.size());
+}
+
+// The engine takes the form of the cameras, and .bin before .txt. It triangulates points that are
+// not there.
+absl::Status CheckColmap(const Files& files) {
+  const auto& model = Of(files, FileRole::kColmap);
+  if (model.empty()) return absl::OkStatus();
+  const std::string ending = model.contains("cameras.bin") ? ".bin" : ".txt";
+  if (model.contains("cameras" + ending) && model.contains("images" + ending)) {
+    return absl::OkStatus();
+  }
+  const bool both = model.contains("cameras.bin") && model.contains("cameras.txt");
+  return MakeError(
+      absl::StatusCode::kFailedPrecondition, "COLMAP_INCOMPLETE", "colmap",
+      absl::StrCat("the job has ", absl::StrJoin(NamesOf(files, FileRole::kColmap), ", "),
+                   " of a COLMAP model",
+                   both ? ", of which cameras.bin goes before cameras.txt" : "",
+                   "; upload cameras.bin and images.bin, and "
+                   "points3D.bin if there is one, or the same as .txt alone"));
+}
+
+// Whether cameras may say which mask is whose, as a transforms.json does.
+bool MayNameMasks(const Files& files) {
+  const auto& cameras = Of(files, FileRole::kCameras);
+  return std::any_of(cameras.begin(), cameras.end(), [](const auto& file) {
+    return absl::EndsWithIgnoreCase(file.first, ".json");
+  });
+}
+
+// Every mask fits a photo. The engine finds them by the same rule, and by what a transforms.json
+// says, which it alone reads.
+absl::Status CheckMasks(const Files& files) {
+  const std::vector<std::string> photos = NamesOf(files, FileRole::kPhoto);
+  const bool named = MayNameMasks(files);
+  if (!named) {
+    LITAGS_RETURN_IF_ERROR(MatchMasks(photos, NamesOf(files, FileRole::kMask)).status());
+  }
+  const MaskMatcher matcher(photos);
+  for (const auto& [name, mask] : Of(files, FileRole::kMask)) {
+    const auto photo_name = matcher.PhotoOf(name);
+    if (!photo_name.ok()) continue;  // the cameras name it
+    const FileRecord& photo = *Of(files, FileRole::kPhoto).at(*photo_name);
+    LITAGS_RETURN_IF_ERROR(
+        CheckMaskSize(name, mask->width, mask->height, photo.width, photo.height));
+  }
+  return absl::OkStatus();
+}
+
+DepthOrigin OriginOfDepth(const Files& files, const ReconstructOptions& options) {
+  ReconstructInput input;
+  if (files.contains(FileRole::kDepth)) input.depth_dir = "depth";
+  return ResolveDepthOrigin(options.ResolveRecipe(), options, input);
+}
+
+// As FindDepthMap() finds it; null if there is none.
+const FileRecord* MapOf(const Files& files, const std::string& stem) {
+  const auto& maps = Of(files, FileRole::kDepth);
+  for (const char* ending : {".npy", ".pfm", ".png"}) {
+    const auto found = maps.find(stem + ending);
+    if (found != maps.end()) return found->second;
+  }
+  return nullptr;
+}
+
+// As the engine's CheckMapsFit().
+absl::Status CheckMapsAreOfPhotos(const Files& files) {
+  const bool with_cameras = WithCameras(files);
+  bool any = false;
+  for (const auto& [name, photo] : Of(files, FileRole::kPhoto)) {
+    for (const std::string& stem : MapStemsOfViews(name)) any |= MapOf(files, stem) != nullptr;
+    if (HasViews(*photo, with_cameras)) continue;
+    const FileRecord* const map = MapOf(files, std::filesystem::path(name).stem());
+    if (map == nullptr) continue;
+    any = true;
+    // The size of a map was not kept once.
+    if (map->width == 0 || photo->width == 0 || IsPanoramaShaped(*photo)) continue;
+    LITAGS_RETURN_IF_ERROR(CheckDepthShape(map->width, map->height, photo->width, photo->height,
+                                           absl::StrCat("depths[", map->name, "]")));
+  }
+  if (any) return absl::OkStatus();
+  return InvalidInput(
+      "DEPTH_MAP_WITHOUT_PHOTO", "depth",
+      "depth: no map has the name of a photo; name maps as their photos, a.png "
+      "for a.jpg, or as views of panoramas, a_front.png, or make a job with another "
+      "depth source");
+}
+
+// As the engine's CheckDepthSource().
+absl::Status CheckDepthMaps(const Files& files, const ReconstructOptions& options) {
+  if (OriginOfDepth(files, options) != DepthOrigin::kMaps) return absl::OkStatus();
+  if (files.contains(FileRole::kDepth)) return CheckMapsAreOfPhotos(files);
+  return MakeError(absl::StatusCode::kFailedPrecondition, "DEPTH_MAPS_MISSING",
+                   "options.depth_source",
+                   "options.depth_source: maps were asked for and the job has none; upload depth "
+                   "maps, or make a job with another source");
+}
+
+// As ScreenPhotos() will have it: photos, and those left out. nullopt where the engine may see
+// others: views of wide photos, those that cameras name alone, what masks leave of them; or where
+// rows do not say enough.
+std::optional<PhotoScreen> ScreenAsFound(const Files& files) {
+  if (WithCameras(files) || files.contains(FileRole::kMask)) return std::nullopt;
+  std::vector<ScreenedPhoto> looks;
+  for (const auto& [name, photo] : Of(files, FileRole::kPhoto)) {
+    const std::optional<PhotoFindings> findings = ParsePhotoFindings(photo->about);
+    if (!findings || findings->has_views != 0 || IsPanoramaShaped(*photo)) return std::nullopt;
+    looks.push_back(LookOf(*photo, *findings, false));
+  }
+  if (HasMasksAmong(NamesOf(files, FileRole::kPhoto))) return std::nullopt;
+  const std::vector<std::string> why = WhyLeftOutAsFound(looks);
+  PhotoScreen screen;
+  for (size_t i = 0; i < why.size(); ++i) {
+    if (why[i].empty()) {
+      screen.photos.push_back(std::move(looks[i]));
+    } else {
+      screen.left_out.push_back({std::move(looks[i].name), why[i]});
+    }
+  }
+  return screen;
+}
+
+}  // namespace
+
+absl::Status CheckFiles(const std::vector<FileRecord>& files, const ReconstructOptions& options) {
+  const Files by_role = ByRole(files);
+  if (by_role.contains(FileRole::kVideo)) {
+    LITAGS_RETURN_IF_ERROR(CheckVideo(by_role));
+  } else {
+    LITAGS_RETURN_IF_ERROR(CheckNumberOfPhotos(by_role));
+    LITAGS_RETURN_IF_ERROR(CheckColmap(by_role));
+    LITAGS_RETURN_IF_ERROR(CheckMasks(by_role));
+    if (const auto screen = ScreenAsFound(by_role)) {
+      LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen->photos.size(), screen->left_out));
+    }
+  }
+  return CheckDepthMaps(by_role, options);
+}
+
+absl::StatusOr<int64_t> LeastMemory(const std::vector<FileRecord>& files,
+                                    const ReconstructOptions& options, int64_t most) {
+  const Files by_role = ByRole(files);
+  const std::optional<PhotoScreen> screen = ScreenAsFound(by_role);
+  if (!screen || screen->photos.empty()) return 0;
+  const std::vector<ScreenedPhoto>& photos = screen->photos;
+  ReconstructOptions one_thread = options;
+  one_thread.threads = 1;
+  PhotoMaps maps;  // their sizes, where they are certain
+  if (OriginOfDepth(by_role, options) == DepthOrigin::kStereo) {
+    maps = MapsOf(photos, {}, one_thread, /*masks=*/false);
+  }
+  LITAGS_RETURN_IF_ERROR(CheckMemory(photos, one_thread, maps, most));
+  return EstimateMemory(photos, one_thread, 1, maps).Least();
+}
+
+}  // namespace litags
