@@ -261,7 +261,7 @@ SfmOptions OptionsOf(const Context& context, const ReconstructInput& input, cons
   sfm.step_timeout_seconds = input.colmap_step_seconds;
   sfm.on_line = context.on_line;
   sfm.masks = masks;
-  sfm.rig_views = input.rig_views;
+  sfm.rig_views = context.input.rig_views;
   return sfm;
 }
 
@@ -286,7 +286,7 @@ absl::StatusOr<SparseModel> SolveCameras(const Solver& solver) {
                                       context.cancel, solver.Progress()));
   FillReport(result, context.report);
   if (context.on_line) context.on_line(DescribeSeconds(result, *context.report));
-  if (solver.input.rig_views.empty()) return std::move(result.model);
+  if (context.input.rig_views.empty()) return std::move(result.model);
   // Those that only their rig placed have no points yet.
   LITAGS_ASSIGN_OR_RETURN(SfmResult again, solver.Triangulate(result.model));
   return std::move(again.model);

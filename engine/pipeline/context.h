@@ -5,9 +5,10 @@
 #include <functional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "engine/core/cancel.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/cut_input.h"
 
 namespace litags {
 
@@ -16,12 +17,16 @@ using StageReport = std::function<void(Stage stage, const std::string& message)>
 // A line of a program that a stage runs; called by any thread.
 using LineReport = std::function<void(std::string_view)>;
 
-// Refers to what it is made of; lives as long as one reconstruction.
+// Refers to what it is made of, but for the input; lives as long as one reconstruction.
 struct Context {
   Context(const ReconstructInput& input, const ReconstructOptions& options,
           const CancelToken& cancel, StageReport progress, ReconstructReport* report,
           LineReport on_line = nullptr)
-      : input(input),
+      : Context(CutInput(input), options, cancel, std::move(progress), report, std::move(on_line)) {
+  }
+  Context(CutInput input, const ReconstructOptions& options, const CancelToken& cancel,
+          StageReport progress, ReconstructReport* report, LineReport on_line = nullptr)
+      : input(std::move(input)),
         options(options),
         recipe(options.ResolveRecipe()),
         cancel(cancel),
@@ -31,7 +36,7 @@ struct Context {
 
   void Note(std::string note) const { report->notes.push_back(std::move(note)); }
 
-  const ReconstructInput& input;
+  const CutInput input;
   const ReconstructOptions& options;
   const Recipe recipe;
   const CancelToken& cancel;

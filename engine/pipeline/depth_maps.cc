@@ -138,7 +138,7 @@ std::optional<DepthMaps> Kept(const std::string& path, const std::string& key, s
 }
 
 // Of a photo, or of the photo that a view was cut from.
-std::string NameThatWasSent(const ReconstructInput& input, const std::string& photo) {
+std::string NameThatWasSent(const CutInput& input, const std::string& photo) {
   const auto view = input.rig_views.find(photo);
   return view == input.rig_views.end() ? photo : view->second.rig;
 }
@@ -276,7 +276,7 @@ DepthOrigin ResolveDepthOrigin(const Recipe& recipe, const ReconstructOptions& o
   return input.depth_dir.empty() ? DepthOrigin::kStereo : DepthOrigin::kMaps;
 }
 
-absl::Status CheckMapsFit(const ReconstructInput& input, std::vector<std::string>* notes) {
+absl::Status CheckMapsFit(const CutInput& input, std::vector<std::string>* notes) {
   LITAGS_RETURN_IF_ERROR(MakeFolderDepthProvider(input.depth_dir).status());
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
                           ListPhotos(input.images_dir, "images"));

@@ -35,7 +35,7 @@ inline DepthOrigin ResolveDepthOrigin(const Context& context) {
 // If the maps in input.depth_dir cannot be those of the photos, by their names and first bytes:
 // DEPTH_MAP_WITHOUT_PHOTO where none is of a photo, DEPTH_MAP_SIZE, DEPTH_FOLDER_MISSING, errors of
 // ReadDepthSize. `notes` (may be null) gets one where maps may be of photos before EXIF turns them.
-absl::Status CheckMapsFit(const ReconstructInput& input, std::vector<std::string>* notes = nullptr);
+absl::Status CheckMapsFit(const CutInput& input, std::vector<std::string>* notes = nullptr);
 
 // What maps of the views of a wide photo may be called, without their endings.
 std::vector<std::string> MapStemsOfViews(const std::string& photo);

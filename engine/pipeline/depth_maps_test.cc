@@ -212,7 +212,7 @@ TEST(CheckMapsFit, RefusesWhatCannotBeReadAsAMap) {
   const auto reason = [&](const std::string& ending, const std::string& bytes) {
     const std::string path = input.depth_dir + "/" + stem + ending;
     EXPECT_TRUE(WriteFileAtomically(path, bytes).ok());
-    const absl::Status status = CheckMapsFit(input);
+    const absl::Status status = CheckMapsFit(CutInput(input));
     std::filesystem::remove(path);
     EXPECT_EQ(GetErrorDetail(status)->field, "depth/" + stem + ending);
     return Reason(status);
@@ -236,7 +236,7 @@ TEST(CheckMapsFit, SaysThatMapsMustBeUprightWhereExifTurnsPhotos) {
                                     WithJpegExif(jpeg, ExifBlock(orientation, true)))
                     .ok());
     std::vector<std::string> notes;
-    const absl::Status status = CheckMapsFit(input, &notes);
+    const absl::Status status = CheckMapsFit(CutInput(input), &notes);
     EXPECT_EQ(notes.size(), orientation == 3 ? 1u : 0u);
     if (orientation == 3) {
       EXPECT_THAT(notes,
@@ -251,7 +251,7 @@ TEST(CheckMapsFit, SaysThatMapsMustBeUprightWhereExifTurnsPhotos) {
 
 TEST(DepthMaps, OfPhotosThatAreLearntAsViewsAreRefusedByThePhotosName) {
   const Photographs photos;
-  ReconstructInput input = photos.Input("work");
+  CutInput input(photos.Input("work"));
   input.depth_dir = input.work_dir + "/maps";
   std::filesystem::create_directory(input.depth_dir);
   for (const View& view : photos.model.views) input.rig_views[view.name].rig = "sphere.jpg";

@@ -80,8 +80,8 @@ class RealEngine : public Engine {
         const ReconstructInput photos,
         WithFramesAsPhotos(given, options.frames, cancel, loading, &report.notes));
     LITAGS_ASSIGN_OR_RETURN(
-        const ReconstructInput input,
-        WithViewsOfWidePhotos(photos, options.threads, cancel, loading, &report.notes));
+        const CutInput input,
+        WithViewsOfWidePhotos(CutInput(photos), options.threads, cancel, loading, &report.notes));
     const Context context(input, options, cancel, progress, &report,
                           [observer](std::string_view line) { observer->OnLine(line); });
     LITAGS_RETURN_IF_ERROR(CheckDepthSource(context));

@@ -12,7 +12,6 @@
 #include "engine/core/cancel.h"
 #include "engine/core/image.h"
 #include "engine/depth/depth_network.h"
-#include "engine/io/rig.h"
 #include "engine/pipeline/options.h"
 #include "engine/pipeline/report.h"
 #include "engine/pipeline/scene.h"
@@ -29,8 +28,6 @@ struct ReconstructInput {
   // <photo name>.png or <photo stem>.png, 8 bits, of the photo's upright size: 0 where a pixel is
   // not of the scene and must not be learnt. Photos may lack one. Empty: none given.
   std::string masks_dir;
-  // Of the photos, those taken from one place at once.
-  RigViews rig_views;
   std::string work_dir;  // exists; SfM workspace, checkpoint, snapshots and results go here
 
   DepthNetwork depth_network;

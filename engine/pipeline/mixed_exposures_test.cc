@@ -93,7 +93,7 @@ TEST(MixedExposures, HeldOutPhotosAreComparedAtTheExposureOfTheOthers) {
 // Views of panoramas are PNG files, which say nothing of it.
 TEST(MixedExposures, AViewHasTheExposureThatItsPhotoStates) {
   const RoomCapture room(4);
-  ReconstructInput input = room.Input("work");
+  CutInput input(room.Input("work"));
   input.rig_views[RoomCapture::Name(2)] = {
       .rig = "p.jpg", .exposure_time = 0.5, .iso = 200, .f_number = 2};
   const ReconstructOptions options = Options(room);

@@ -104,7 +104,7 @@ TEST(Panoramas, OfAWalkGiveTheCamerasOfTheirViews) {
   }
   std::vector<std::string> notes;
   const auto cut = WithViewsOfWidePhotos(
-      input, 0, CancelToken(), [](const std::string&) {}, &notes);
+      CutInput(input), 0, CancelToken(), [](const std::string&) {}, &notes);
   ASSERT_TRUE(cut.ok()) << cut.status();
   SfmOptions options;
   options.rig_views = cut->rig_views;
@@ -169,7 +169,7 @@ class Fisheyes : public ::testing::Test {
 TEST_F(Fisheyes, ViewsAreWhatPinholeCamerasSee) {
   std::vector<std::string> notes;
   const auto cut = WithViewsOfWidePhotos(
-      input_, 0, CancelToken(), [](const std::string&) {}, &notes);
+      CutInput(input_), 0, CancelToken(), [](const std::string&) {}, &notes);
   ASSERT_TRUE(cut.ok()) << cut.status();
   EXPECT_THAT(notes, testing::Contains("8 photos are fisheyes, such as 0.png: 5 views of each are "
                                        "the photos"));

@@ -93,7 +93,7 @@ absl::StatusOr<PhotoScreen> ScreenFolder(const std::set<int>& blurred,
     }
     EXPECT_TRUE(WritePng(dir / ("p" + std::to_string(i) + ".png"), photo).ok());
   }
-  ReconstructInput input;
+  CutInput input;
   input.images_dir = dir.path();
   input.rig_views = rig_views;
   return ScreenPhotos(input, 1, CancelToken());

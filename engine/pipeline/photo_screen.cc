@@ -383,7 +383,7 @@ absl::StatusOr<PhotoList> ListPhotosAndMasks(const ReconstructInput& input) {
   return list;
 }
 
-absl::StatusOr<PhotoScreen> ScreenPhotos(const ReconstructInput& input, int threads,
+absl::StatusOr<PhotoScreen> ScreenPhotos(const CutInput& input, int threads,
                                          const CancelToken& cancel,
                                          const std::function<void(const std::string&)>& progress) {
   LITAGS_ASSIGN_OR_RETURN(PhotoList list, ListPhotosAndMasks(input));

@@ -12,7 +12,7 @@
 #include "engine/core/cancel.h"
 #include "engine/core/color.h"
 #include "engine/io/mask_io.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/cut_input.h"
 #include "engine/pipeline/photo_look.h"
 
 namespace litags {
@@ -53,7 +53,7 @@ absl::Status CheckPhotosLeft(size_t used, absl::Span<const PhotoLeftOut> left_ou
 // photos of a size have are added, as new masks in work_dir/found_masks. Errors of ReadMask, of a
 // photo that is used; CANCELLED. `progress` gets how many are read, now and then.
 absl::StatusOr<PhotoScreen> ScreenPhotos(
-    const ReconstructInput& input, int threads, const CancelToken& cancel,
+    const CutInput& input, int threads, const CancelToken& cancel,
     const std::function<void(const std::string&)>& progress = nullptr);
 
 }  // namespace litags

@@ -54,7 +54,7 @@ std::vector<std::string> LeftOut(const PhotoScreen& screen) {
 }
 
 absl::StatusOr<PhotoScreen> Screen(const ReconstructInput& input) {
-  return ScreenPhotos(input, 1, CancelToken());
+  return ScreenPhotos(CutInput(input), 1, CancelToken());
 }
 
 TEST(PhotoScreen, LeavesAGoodCaptureAlone) {

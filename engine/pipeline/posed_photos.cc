@@ -44,7 +44,7 @@ std::string MaskPathOf(const MaskPaths& masks, const std::string& name) {
 }
 
 // What a view's PNG does not say stands in the file that it was cut from.
-absl::StatusOr<MaskedPhoto> ReadInputPhoto(const ReconstructInput& input, const std::string& name,
+absl::StatusOr<MaskedPhoto> ReadInputPhoto(const CutInput& input, const std::string& name,
                                            const MaskPaths& masks) {
   LITAGS_ASSIGN_OR_RETURN(
       MaskedPhoto read,
@@ -60,7 +60,7 @@ absl::StatusOr<MaskedPhoto> ReadInputPhoto(const ReconstructInput& input, const 
 }
 
 // Of photos spread over the capture, as the camera wrote them.
-absl::StatusOr<ColorPrior> MeasureColors(const ReconstructInput& input, const SparseModel& model,
+absl::StatusOr<ColorPrior> MeasureColors(const CutInput& input, const SparseModel& model,
                                          const MaskPaths& masks, int threads,
                                          const CancelToken& cancel) {
   const std::vector<size_t> views = SpreadIndices(model.views.size(), kPhotosOfColors);
@@ -117,8 +117,8 @@ absl::Status MaskRim(const Distortion& distortion, OnePhoto* v) {
 }
 
 // Photo and mask as their pinhole camera sees them.
-absl::Status LoadPhoto(const ReconstructInput& input, const MaskPaths& masks,
-                       const Distortion& distortion, OnePhoto* v) {
+absl::Status LoadPhoto(const CutInput& input, const MaskPaths& masks, const Distortion& distortion,
+                       OnePhoto* v) {
   const std::string& name = v->view.name;
   // Of the file's bytes: what decoders and filters make of them may differ in the last bits from
   // processor to processor.
@@ -185,7 +185,7 @@ absl::Status CheckMask(const OnePhoto& v, const std::string& mask_path) {
 // The photos of the model's views, at the size of training; those of no use may be as they were.
 absl::StatusOr<std::vector<OnePhoto>> LoadPhotos(const Context& context, const MaskPaths& masks,
                                                  const SparseModel& model) {
-  const ReconstructInput& input = context.input;
+  const CutInput& input = context.input;
   const ReconstructOptions& options = context.options;
   const size_t n = model.views.size();
   std::vector<OnePhoto> photos(n);
@@ -276,7 +276,7 @@ void TakePhotos(const Context& context, std::vector<OnePhoto> photos, PosedPhoto
 
 absl::Status CheckMemoryOf(const Context& context, const PhotoScreen& screen,
                            const std::vector<ScreenedPhoto>& photos) {
-  const ReconstructInput& input = context.input;
+  const CutInput& input = context.input;
   return CheckMemory(photos, context.options,
                      MapsOf(photos, input, context.options, !screen.masks.empty()),
                      input.memory_bytes);
@@ -308,15 +308,15 @@ absl::StatusOr<PosedPhotos> LoadViewsOfFisheyes(const Context& context, const st
   ReconstructReport* const report = context.report;
   const std::string preparation = report->sfm_preparation;
   report->dropped.clear();  // those without a camera will be found without one again
-  ReconstructInput solved = context.input;
+  CutInput solved = context.input;
   solved.cameras_path = SolvedFisheyes(solved);
   solved.cameras_are_upright = true;
-  LITAGS_ASSIGN_OR_RETURN(
-      const ReconstructInput cut,
-      WithViewsOfWidePhotos(
-          solved, context.options.threads, context.cancel,
-          [&](const std::string& line) { context.progress(Stage::kFindingCameras, line); },
-          &report->notes));
+  LITAGS_ASSIGN_OR_RETURN(const CutInput cut, WithViewsOfWidePhotos(
+                                                  solved, context.options.threads, context.cancel,
+                                                  [&](const std::string& line) {
+                                                    context.progress(Stage::kFindingCameras, line);
+                                                  },
+                                                  &report->notes));
   const Context of_views(cut, context.options, context.cancel, context.progress, report,
                          context.on_line);
   auto posed = LoadPosedPhotos(of_views, colmap);
@@ -327,7 +327,7 @@ absl::StatusOr<PosedPhotos> LoadViewsOfFisheyes(const Context& context, const st
 }  // namespace
 
 absl::StatusOr<PosedPhotos> LoadPosedPhotos(const Context& context, const std::string& colmap) {
-  const ReconstructInput& input = context.input;
+  const CutInput& input = context.input;
   context.progress(Stage::kLoading, "reading photos");
   LITAGS_ASSIGN_OR_RETURN(std::string others, DescribeOtherPictures(input.images_dir, "images"));
   if (!others.empty()) context.Note(std::move(others));

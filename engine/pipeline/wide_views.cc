@@ -164,8 +164,8 @@ absl::Status WriteAll(const ReconstructInput& input, const PhotoList& list, cons
 
 }  // namespace
 
-absl::StatusOr<ReconstructInput> WithViewsOfWidePhotos(
-    const ReconstructInput& input, int threads, const CancelToken& cancel,
+absl::StatusOr<CutInput> WithViewsOfWidePhotos(
+    const CutInput& input, int threads, const CancelToken& cancel,
     const std::function<void(const std::string&)>& progress, std::vector<std::string>* notes) {
   const auto list = ListPhotosAndMasks(input);
   if (!list.ok()) return input;  // the screen of photos says why
@@ -181,7 +181,7 @@ absl::StatusOr<ReconstructInput> WithViewsOfWidePhotos(
   LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(out.dir));
   LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(out.masks));
   LITAGS_RETURN_IF_ERROR(WriteAll(input, *list, wide, threads, cancel, progress, &out));
-  ReconstructInput result = input;
+  CutInput result = input;
   result.images_dir = out.dir;
   result.rig_views.merge(out.rig_views);
   std::error_code ignored;  // reading masks says what is wrong

@@ -8,7 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/cut_input.h"
 
 namespace litags {
 
@@ -21,8 +21,8 @@ namespace litags {
 // read are left to those who read photos. `progress` gets what is done, a line each time. Errors of
 // FindWidePhotos, ListPhotosAndMasks, DecodeMask and CheckMaskSize; those of files that cannot be
 // written; CANCELLED.
-absl::StatusOr<ReconstructInput> WithViewsOfWidePhotos(
-    const ReconstructInput& input, int threads, const CancelToken& cancel,
+absl::StatusOr<CutInput> WithViewsOfWidePhotos(
+    const CutInput& input, int threads, const CancelToken& cancel,
     const std::function<void(const std::string&)>& progress, std::vector<std::string>* notes);
 
 }  // namespace litags

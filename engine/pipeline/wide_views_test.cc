@@ -65,13 +65,13 @@ class WideViews : public ::testing::Test {
     ASSERT_TRUE(WritePng(dir_ / name, image).ok());
   }
 
-  absl::StatusOr<ReconstructInput> Cut() {
+  absl::StatusOr<CutInput> Cut() {
     return WithViewsOfWidePhotos(
         input_, 2, CancelToken(), [](const std::string&) {}, &notes_);
   }
 
   const TempDir dir_;
-  ReconstructInput input_;
+  CutInput input_;
   std::vector<std::string> notes_;
 };
 
@@ -218,7 +218,7 @@ TEST_F(WideViews, TransparencyGoesWithThem) {
 TEST_F(WideViews, AreCutAgainWithoutLosingThoseThatWereCut) {
   const auto first = Cut();
   ASSERT_TRUE(first.ok()) << first.status();
-  ReconstructInput solved = *first;
+  CutInput solved = *first;
   solved.cameras_path = dir_ / "fisheye.json";
   ASSERT_TRUE(WriteFileAtomically(solved.cameras_path, R"({"camera_model": "OPENCV_FISHEYE",
       "fl_x": 60, "fl_y": 60, "cx": 100, "cy": 75, "w": 200, "h": 150, "frames": [

@@ -18,7 +18,7 @@ CMAKE = os.environ["LITAGS_CMAKE"]
 SOURCE = os.environ["LITAGS_SOURCE"]
 HERE = os.path.join(SOURCE, "tests", "library")
 ENGINE_HEADERS = """camera cancel depth_network engine error export_request fields frame_process image options pdm_options
-    pick_frames picture_io recipe report rig scene tone_options""".split()
+    pick_frames picture_io recipe report scene tone_options""".split()
 CLIENT_HEADERS = "capture client connection interrupt picture_file status upload".split()
 
 

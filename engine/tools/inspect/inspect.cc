@@ -125,7 +125,7 @@ absl::StatusOr<std::string> DescribeDepthMaps(const ReconstructInput& input,
                                               const std::vector<ScreenedPhoto>& photos,
                                               const CancelToken& cancel,
                                               std::vector<std::string>* notes) {
-  LITAGS_RETURN_IF_ERROR(CheckMapsFit(input, notes));
+  LITAGS_RETURN_IF_ERROR(CheckMapsFit(CutInput(input), notes));
   size_t maps = 0;
   for (const ScreenedPhoto& photo : photos) {
     LITAGS_RETURN_IF_ERROR(cancel.Check());
@@ -156,7 +156,7 @@ absl::StatusOr<Inspection> Inspect(const ReconstructInput& given, int threads,
   ReconstructInput& input = found.input;
   PhotoScreen& screen = found.screen;
   LITAGS_ASSIGN_OR_RETURN(found.others, DescribeOtherPictures(input.images_dir, "images"));
-  LITAGS_ASSIGN_OR_RETURN(screen, ScreenPhotos(input, threads, cancel));
+  LITAGS_ASSIGN_OR_RETURN(screen, ScreenPhotos(CutInput(input), threads, cancel));
   LITAGS_ASSIGN_OR_RETURN(found.wide, FindWidePhotos(input, screen.Names(), threads, cancel));
   if (!input.cameras_path.empty() && !screen.photos.empty()) {
     input.cameras_path = ResolveCameras(input.cameras_path);
@@ -258,7 +258,7 @@ absl::Status InspectFolder(const ReconstructInput& input, const ReconstructOptio
 
 absl::Status CheckAllReadable(const ReconstructInput& input, int threads,
                               const CancelToken& cancel) {
-  LITAGS_ASSIGN_OR_RETURN(const PhotoScreen screen, ScreenPhotos(input, threads, cancel));
+  LITAGS_ASSIGN_OR_RETURN(const PhotoScreen screen, ScreenPhotos(CutInput(input), threads, cancel));
   for (const PhotoLeftOut& photo : screen.left_out) {
     if (!photo.unreadable) continue;
     return InvalidInput("PHOTO_UNREADABLE", absl::StrCat("images[", photo.name, "]"),

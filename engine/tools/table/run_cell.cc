@@ -38,8 +38,9 @@ absl::StatusOr<double> EnhancePhotos(const TableCell& cell, const std::string& o
   input.images_dir = cell.scene().PhotosDir(cell.photos_light());
   input.masks_dir = cell.MasksDir();
   input.work_dir = out;
-  LITAGS_ASSIGN_OR_RETURN(const PhotoScreen screen,
-                          ScreenPhotos(input, cell.method().options.threads, CancelToken()));
+  LITAGS_ASSIGN_OR_RETURN(
+      const PhotoScreen screen,
+      ScreenPhotos(CutInput(input), cell.method().options.threads, CancelToken()));
   const double start = MonotonicSeconds();
   std::error_code ignored;  // writing reports what matters
   fs::create_directories(out + "/masks", ignored);
