@@ -39,6 +39,28 @@ std::vector<std::string> FilesIn(const std::string& folder) {
   return files;
 }
 
+TEST(Reconstruct, PreviewsOfLargePhotosAreSmall) {
+  const Photographs photographs(1000, 100);
+  ReconstructOptions options = SmallOptions();
+  options.recipe->use_pdm = false;
+  options.iterations = options.preview_every;
+  Recorder recorder;
+  ASSERT_TRUE(MakeEngine(kNoColmap)
+                  ->Reconstruct(photographs.Input("run"), options, CancelToken(), &recorder)
+                  .ok());
+  int previews = 0;
+  for (const Progress& p : recorder.reports) {
+    if (p.preview_png.empty()) continue;
+    ++previews;
+    const auto image = DecodeImage(
+        {reinterpret_cast<const char*>(p.preview_png.data()), p.preview_png.size()}, "preview");
+    ASSERT_TRUE(image.ok()) << image.status();
+    EXPECT_EQ(image->width, kMaxPreviewSide);
+    EXPECT_EQ(image->height, 80);
+  }
+  EXPECT_EQ(previews, 1);
+}
+
 TEST(Reconstruct, TurnsPhotosIntoASceneAndAReport) {
   const Photographs photos;
   const ReconstructInput input = photos.Input("work");

@@ -16,6 +16,9 @@ std::string_view StageName(Stage stage);  // "loading", "finding-cameras", ...
 
 inline constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
 
+// px. Clients of a service get previews in messages of 4 MiB at most.
+inline constexpr int kMaxPreviewSide = 800;
+
 // One report of progress. Numbers not known yet are 0.
 struct Progress {
   Stage stage = Stage::kLoading;
@@ -29,7 +32,7 @@ struct Progress {
   int64_t gaussians = 0;
   double iterations_per_second = 0;
   double eta_seconds = 0;
-  std::vector<uint8_t> preview_png;  // often empty
+  std::vector<uint8_t> preview_png;  // often empty; no side is above kMaxPreviewSide
 };
 
 // Called from the training thread; must return quickly. A new snapshot is announced after its

@@ -267,8 +267,12 @@ absl::Status TrainingRun::Publish() {
 // Of the first held-out photo's camera, or of another photo's where none is held out.
 absl::StatusOr<std::string> TrainingRun::PreviewPng(const Model& model) {
   Planes color;
-  const Camera shown =
-      held_out_.views().empty() ? trainer_.CameraOf(0) : held_out_.views()[0].camera;
+  Camera shown = held_out_.views().empty() ? trainer_.CameraOf(0) : held_out_.views()[0].camera;
+  const double shrink = double(kMaxPreviewSide) / std::max(shown.width, shown.height);
+  if (shrink < 1) {
+    const auto side = [&](int px) { return std::max(1, static_cast<int>(px * shrink)); };
+    shown = shown.Scaled(side(shown.width), side(shown.height));
+  }
   renderer_.RenderColor(model, shown, &color);
   return EncodePng(ToImageU8(color));
 }

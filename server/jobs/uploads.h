@@ -26,7 +26,7 @@ namespace litags {
 // What an upload may cost.
 struct UploadLimits {
   int64_t max_files = 10000;                // per job, those on their way included
-  int64_t max_file_bytes = kMaxImageBytes;  // photos, masks, depth maps, COLMAP models
+  int64_t max_file_bytes = kMaxImageBytes;  // photos, masks, depth maps
   int64_t max_video_bytes = kMaxVideoBytes;
   int64_t max_cameras_bytes = kMaxCamerasBytes;  // transforms.json
   int64_t max_job_bytes = kMaxJobBytes;          // all files of a job

@@ -99,7 +99,7 @@ await step("what is spoken of a job: its state, not each step of it", async () =
 
 await step("formats that plain 3DGS does not have", async () => {
   const offered = () => page.getByLabel("Format").locator("option:enabled").allTextContents();
-  assert.ok((await offered()).includes("PLY, original light"));
+  assert.ok((await offered()).includes("PLY, all attributes"));
   await page.route(new RegExp(`${job}$`), async (route) => {
     const answer = await (await route.fetch()).json();
     answer.options.method = "METHOD_3DGS";
@@ -107,7 +107,7 @@ await step("formats that plain 3DGS does not have", async () => {
   });
   await page.locator("option[value=PLY_FULL]:disabled").waitFor({state: "attached"});
   assert.deepEqual((await offered()).slice(0, 2), ["PLY, normally lit", "SPZ"]);
-  assert.ok(!(await offered()).includes("PLY, original light"));
+  assert.ok(!(await offered()).includes("PLY, all attributes"));
 });
 
 await step("the photo before somewhere else is the last", async () => {
