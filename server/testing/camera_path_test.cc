@@ -63,6 +63,10 @@ std::vector<double> OrbitOf(const std::vector<double>& photos, int frames,
 
 auto AreNear(const std::vector<double>& degrees) { return Pointwise(DoubleNear(1e-6), degrees); }
 
+TEST(Orbit, WithoutATurnTheCameraStandsStill) {
+  for (const double degrees : OrbitOf({0, 90, 180, 270}, 5, 0)) EXPECT_NEAR(degrees, 0, 1e-6);
+}
+
 TEST(Keyframes, AreBoundedAndEndWhenNobodyWaits) {
   const CircleScene scene({0, 90});
   v1::RenderPathRequest request;

@@ -8,6 +8,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "server/api/convert.h"
+#include "server/jobs/codec.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/eventually.h"
 
@@ -48,6 +50,19 @@ TEST_F(ListPages, APageOfManyLabelsIsOneThatClientsTake) {
   } while (!request.page_token().empty());
   EXPECT_EQ(listed, made);
   EXPECT_GT(bytes, 4u << 20);  // or one page would do
+}
+
+TEST_F(ListPages, AReportNamesAThousandPhotosAndNotesAtMost) {
+  JobRecord job = *jobs_.Create(litags::NewJob());
+  ReconstructReport report;
+  report.dropped.assign(1500, std::string(255, 'x'));
+  report.notes.assign(1500, std::string(300, 'y'));
+  job.report = Encode(report);
+  const auto proto = JobToProto(job);
+  ASSERT_TRUE(proto.ok()) << proto.status();
+  EXPECT_EQ(proto->report().dropped_size(), 1000);
+  EXPECT_EQ(proto->report().notes_size(), 1000);
+  EXPECT_LT(proto->ByteSizeLong(), 1u << 20);
 }
 
 TEST_F(ListPages, APageOfManyFilesIsOneThatClientsTake) {
