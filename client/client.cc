@@ -186,6 +186,10 @@ absl::StatusOr<v1::Job> Client::UpdateJob(const v1::UpdateJobRequest& request) {
   return Unary(*reconstruction_, &v1::ReconstructionService::Stub::UpdateJob, request);
 }
 
+absl::Status Client::DeleteFile(const v1::DeleteFileRequest& request) {
+  return Unary(*reconstruction_, &v1::ReconstructionService::Stub::DeleteFile, request).status();
+}
+
 absl::StatusOr<v1::ListFilesResponse> Client::ListFiles(const v1::ListFilesRequest& request) {
   return Unary(*reconstruction_, &v1::ReconstructionService::Stub::ListFiles, request);
 }

@@ -63,6 +63,7 @@ class Client {
   absl::StatusOr<v1::Job> ResumeJob(v1::ResumeJobRequest request);
   absl::StatusOr<v1::Job> UpdateJob(const v1::UpdateJobRequest& request);
   absl::StatusOr<v1::ListFilesResponse> ListFiles(const v1::ListFilesRequest& request);
+  absl::Status DeleteFile(const v1::DeleteFileRequest& request);
   absl::StatusOr<v1::ServerInfo> GetServerInfo();
   // NOT_FOUND if there was no such job; OK if an earlier try, whose answer was lost, may have
   // removed it.

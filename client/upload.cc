@@ -217,14 +217,7 @@ absl::Status RemoveMasks(Client& client, const std::string& job,
     request.set_role(v1::FILE_ROLE_MASK);
     request.set_file_name(mask);
     request.set_allow_missing(true);
-    const absl::Status status = client.Retry([&](bool*) {
-      grpc::ClientContext context;
-      context.set_deadline(std::chrono::system_clock::now() + kQueryPatience);
-      Interrupt::Scope scope(client.interrupt(), context);
-      google::protobuf::Empty response;
-      return FromGrpc(client.reconstruction().DeleteFile(&context, request, &response));
-    });
-    if (!status.ok()) return status;
+    if (const absl::Status status = client.DeleteFile(request); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
