@@ -19,8 +19,8 @@
 #include "absl/strings/strip.h"
 #include "absl/types/span.h"
 #include "client/cameras_source.h"
+#include "client/report/text.h"
 #include "client/status.h"
-#include "client/text.h"
 #include "proto/litags/v1/limits.h"
 
 namespace litags::client {
@@ -55,9 +55,9 @@ absl::StatusOr<LocalFile> MakeLocalFile(const fs::path& path, v1::FileRole role)
   file.name = path.filename().string();
   file.role = role;
   file.size_bytes = static_cast<int64_t>(size);
-  if (!IsUtf8(file.name)) {
-    return BadInput("BAD_FILE_NAME", Printable(file.path),
-                    absl::StrCat(Printable(file.path),
+  if (!report::IsUtf8(file.name)) {
+    return BadInput("BAD_FILE_NAME", report::Printable(file.path),
+                    absl::StrCat(report::Printable(file.path),
                                  ": the file's name is not UTF-8; rename it, for instance with "
                                  "convmv or mv"));
   }
@@ -416,7 +416,7 @@ std::string DefaultTitle(const std::string& photos_dir) {
   fs::path path = fs::absolute(photos_dir, ignored).lexically_normal();
   if (!path.has_filename()) path = path.parent_path();  // "photos/"
   const std::string name = path.filename().string();
-  return name.size() > v1::kMaxDisplayNameBytes || Printable(name) != name ||
+  return name.size() > v1::kMaxDisplayNameBytes || report::Printable(name) != name ||
                  name.find('\n') != std::string::npos
              ? ""
              : name;

@@ -8,7 +8,8 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
-#include "client/client.h"
+#include "client/interrupt.h"
+#include "litags/v1/reconstruction_service.pb.h"
 
 namespace litags::client {
 

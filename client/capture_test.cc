@@ -4,15 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 #include <set>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "client/cameras_source.h"
-#include "client/client.h"
+#include "client/client_test_util.h"
 #include "client/status.h"
 #include "client/upload.h"
 #include "tests/support/camera_layouts.h"
@@ -26,20 +24,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-class ScanCaptureTest : public ::testing::Test {
- protected:
-  ScanCaptureTest() : dir_(fs::temp_directory_path() / ("litags-capture-" + RandomId())) {
-    fs::create_directories(dir_);
-  }
-  ~ScanCaptureTest() override { fs::remove_all(dir_); }
-
-  void Write(const std::string& name, const std::string& content) {
-    fs::create_directories((dir_ / name).parent_path());
-    std::ofstream(dir_ / name, std::ios::binary) << content;
-  }
-
-  const fs::path dir_;
-};
+class ScanCaptureTest : public FolderTest {};
 
 TEST_F(ScanCaptureTest, FindsPhotosAndNamesTheRest) {
   Write("b.jpg", "x");

@@ -7,8 +7,8 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "client/report/text.h"
 #include "client/status.h"
-#include "client/text.h"
 
 namespace litags::client {
 namespace {
@@ -93,7 +93,7 @@ absl::Status Session::Open() {
   ClientOptions options;
   options.retry_seconds = retry_seconds;
   options.on_retry = [](const absl::Status& why, double pause) {
-    Note(absl::StrCat("trying again in ", DurationText(std::max(1.0, pause)), " (",
+    Note(absl::StrCat("trying again in ", report::DurationText(std::max(1.0, pause)), " (",
                       std::string(why.message()), ")"));
   };
   client_ = std::make_unique<Client>(*std::move(channel), std::move(options), interrupt);
@@ -152,7 +152,7 @@ void RemoveUnstarted(Session& session, const std::string& job, const absl::Statu
 
 void Note(std::string_view text) {
   const char* clear_progress = isatty(STDERR_FILENO) != 0 ? "\r\x1b[K" : "";
-  std::fprintf(stderr, "%s%s\n", clear_progress, Printable(text).c_str());
+  std::fprintf(stderr, "%s%s\n", clear_progress, report::Printable(text).c_str());
   std::fflush(stderr);
 }
 

@@ -3,7 +3,6 @@
 #ifndef LITAGS_CLIENT_CLI_H_
 #define LITAGS_CLIENT_CLI_H_
 
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>

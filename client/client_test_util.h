@@ -2,15 +2,25 @@
 #ifndef LITAGS_CLIENT_CLIENT_TEST_UTIL_H_
 #define LITAGS_CLIENT_CLIENT_TEST_UTIL_H_
 
+#include <gtest/gtest.h>
+
 #include <atomic>
 #include <chrono>
+#include <filesystem>
+#include <fstream>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <set>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
+#include "client/client.h"
+#include "client/interrupt.h"
+#include "grpcpp/server.h"
+#include "grpcpp/server_builder.h"
 #include "grpcpp/server_context.h"
 #include "litags/v1/errors.pb.h"
 #include "litags/v1/model_service.grpc.pb.h"
@@ -247,6 +257,50 @@ class FakeModel : public v1::ModelService::Service {
     writer->Write(response);
     return grpc::Status::OK;
   }
+};
+
+// A folder of the test.
+class FolderTest : public ::testing::Test {
+ protected:
+  FolderTest()
+      : dir_(std::filesystem::temp_directory_path() / absl::StrCat("litags-client-", RandomId())) {
+    std::filesystem::create_directories(dir_);
+  }
+  ~FolderTest() override { std::filesystem::remove_all(dir_); }
+
+  void Write(const std::string& name, const std::string& content) {
+    std::filesystem::create_directories((dir_ / name).parent_path());
+    std::ofstream(dir_ / name, std::ios::binary) << content;
+  }
+
+  const std::filesystem::path dir_;
+};
+
+// The services above, and a client of them that soon tries again.
+class ClientTest : public FolderTest {
+ protected:
+  ClientTest() {
+    grpc::ServerBuilder builder;
+    builder.RegisterService(&service_);
+    builder.RegisterService(&model_);
+    builder.RegisterService(&render_);
+    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
+    server_ = builder.BuildAndStart();
+    ClientOptions options;
+    options.first_pause_seconds = 0.001;
+    options.max_pause_seconds = 0.002;
+    options.retry_seconds = 2;
+    client_ = std::make_unique<Client>(server_->InProcessChannel({}), options, interrupt_);
+  }
+  ~ClientTest() override { server_->Shutdown(); }
+
+  FakeReconstruction service_;
+  FakeModel model_;
+  FakeRender render_;
+  int port_ = 0;
+  std::unique_ptr<grpc::Server> server_;
+  Interrupt interrupt_;
+  std::unique_ptr<Client> client_;
 };
 
 }  // namespace litags::client

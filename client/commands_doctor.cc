@@ -3,10 +3,7 @@
 #include <cstdio>
 #include <memory>
 
-#include "absl/strings/str_format.h"
 #include "client/cli.h"
-#include "client/status.h"
-#include "client/text.h"
 #include "grpcpp/grpcpp.h"
 
 namespace litags::client {

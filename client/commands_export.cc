@@ -2,7 +2,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -10,8 +9,7 @@
 #include "client/cli.h"
 #include "client/model_format.h"
 #include "client/picture_file.h"
-#include "client/status.h"
-#include "client/text.h"
+#include "client/report/text.h"
 #include "client/view_args.h"
 
 namespace litags::client {
@@ -71,9 +69,9 @@ int Export(Session& session, const ExportArgs& args) {
       [&](std::string_view bytes) { return file.Write(bytes); });
   if (status.ok()) status = file.Commit();
   if (!status.ok()) return ReportError(session, status, args.job);
-  Note(absl::StrCat(args.output, ": ", CountText(header.elements()), " ",
+  Note(absl::StrCat(args.output, ": ", report::CountText(header.elements()), " ",
                     ContentOf(request->format()), ", iteration ", header.iteration(), ", ",
-                    BytesText(header.size_bytes())));
+                    report::BytesText(header.size_bytes())));
   return kExitOk;
 }
 
@@ -89,7 +87,7 @@ void AddExportCommand(CLI::App& app, Session& session) {
           "File to write; its ending says the format: .ply, .compressed.ply, .spz, .sog, "
           ".splat, .glb, .usda, .html (a page that shows it), .zip (COLMAP's model), "
           ".points.ply and .las (points of surfaces), .mesh.ply and .mesh.glb (surfaces as "
-          "triangles)")
+          "triangles), .litags (for the C++ library)")
       ->required();
   command->add_option("--format", args->format,
                       absl::StrCat("One of ", absl::StrJoin(ModelFormatNames(), ", ")));

@@ -9,11 +9,10 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "client/cli.h"
 #include "client/report/settings.h"
-#include "client/status.h"
+#include "client/report/text.h"
 #include "client/text.h"
 #include "proto/arguments/arguments.h"
 
@@ -28,12 +27,12 @@ std::string PhotosText(const v1::Job& job) {
 
 // How far a job is, in a few words.
 std::string At(const v1::Job& job) {
-  if (job.state() == v1::JOB_STATE_UPLOADING) return BytesText(job.bytes());
+  if (job.state() == v1::JOB_STATE_UPLOADING) return report::BytesText(job.bytes());
   if (job.state() == v1::JOB_STATE_SUCCEEDED) {
-    return absl::StrCat(CountText(job.report().gaussians()), " Gaussians");
+    return absl::StrCat(report::CountText(job.report().gaussians()), " Gaussians");
   }
   if (job.progress().iterations() == 0) {
-    return job.has_progress() ? StageText(job.progress().stage()) : "";
+    return job.has_progress() ? report::StageText(job.progress().stage()) : "";
   }
   return absl::StrCat(job.progress().iteration(), "/", job.progress().iterations());
 }
@@ -52,10 +51,10 @@ int List(Session& session, v1::ListJobsRequest request, int limit, bool json) {
           std::printf("%-30s %-10s %-19s %6s  %-18s %s\n", "JOB", "STATE", "CREATED (UTC)",
                       "PHOTOS", "AT", "NAME");
         }
-        std::printf("%-30s %-10s %-19s %6s  %-18s %s\n", Printable(job.name()).c_str(),
-                    StateText(job.state()).c_str(), TimeText(job.create_time()).c_str(),
-                    PhotosText(job).c_str(), At(job).c_str(),
-                    Printable(job.display_name()).c_str());
+        std::printf("%-30s %-10s %-19s %6s  %-18s %s\n", report::Printable(job.name()).c_str(),
+                    report::StateText(job.state()).c_str(),
+                    report::TimeText(job.create_time()).c_str(), PhotosText(job).c_str(),
+                    At(job).c_str(), report::Printable(job.display_name()).c_str());
       }
       ++printed;
     }
@@ -82,19 +81,20 @@ std::string OptionsText(const v1::JobOptions& options) {
 
 void PrintJob(const v1::Job& job) {
   const auto row = [](const char* name, const std::string& value) {
-    if (!value.empty()) std::printf("%-10s %s\n", name, Printable(value).c_str());
+    if (!value.empty()) std::printf("%-10s %s\n", name, report::Printable(value).c_str());
   };
   row("job", job.name());
   row("name", job.display_name());
-  row("state", StateText(job.state()) + (job.cancel_requested() ? " (cancel requested)" : ""));
+  row("state",
+      report::StateText(job.state()) + (job.cancel_requested() ? " (cancel requested)" : ""));
   if (job.queue_position() > 0) row("in queue", absl::StrCat("number ", job.queue_position()));
   row("waits for", job.waits_for());
   row("owner", job.owner());
-  row("labels", LabelsText(job));
-  row("photos", absl::StrCat(PhotosText(job), " (", BytesText(job.bytes()), ")"));
-  row("created", TimeText(job.create_time()));
-  row("started", TimeText(job.start_time()));
-  row("ended", TimeText(job.end_time()));
+  row("labels", report::LabelsText(job));
+  row("photos", absl::StrCat(PhotosText(job), " (", report::BytesText(job.bytes()), ")"));
+  row("created", report::TimeText(job.create_time()));
+  row("started", report::TimeText(job.start_time()));
+  row("ended", report::TimeText(job.end_time()));
   row("attempt", absl::StrCat(job.attempt()));
   row("events", absl::StrCat(job.last_event()));
   if (job.has_snapshot_iteration()) {

@@ -1,7 +1,6 @@
 // litags info, files, log, update, clone.
 #include <algorithm>
 #include <cstdio>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,18 +9,22 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "client/cli.h"
 #include "client/job_files.h"
 #include "client/labels.h"
 #include "client/option_flags.h"
 #include "client/report/settings.h"
-#include "client/status.h"
-#include "client/text.h"
+#include "client/report/text.h"
 #include "client/treatment.h"
 #include "proto/arguments/arguments.h"
 
 namespace litags::client {
 namespace {
+
+using report::BytesText;
+using report::CountText;
+using report::Printable;
 
 void Row(const std::string& name, const std::string& value) {
   std::printf("%-22s %s\n", name.c_str(), Printable(value).c_str());
@@ -79,20 +82,20 @@ int Info(Session& session, bool json) {
   if (limits.max_iterations() > 0) Row("its iterations", CountText(limits.max_iterations()));
   if (limits.max_gaussians() > 0) Row("its Gaussians", CountText(limits.max_gaussians()));
   if (limits.has_max_run_time()) {
-    Row("its run time", DurationText(SecondsOf(limits.max_run_time())));
+    Row("its run time", report::DurationText(report::SecondsOf(limits.max_run_time())));
   }
   const v1::JobOptions defaults = DefaultsOf(*info);
   size_t widest = 5;  // RANGE
   for (const v1::OptionInfo& option : info->options()) {
-    widest = std::max(widest, ColumnsOf(Printable(RangeText(option))));
+    widest = std::max(widest, report::ColumnsOf(Printable(RangeText(option))));
   }
   constexpr char kOption[] = "  %-20s %-9s %s %s\n";
   std::printf("\noptions of a job:\n");
-  std::printf(kOption, "NAME", "DEFAULT", Padded("RANGE", widest).c_str(), "MEANING");
+  std::printf(kOption, "NAME", "DEFAULT", report::Padded("RANGE", widest).c_str(), "MEANING");
   for (const v1::OptionInfo& option : info->options()) {
     std::printf(kOption, Printable(option.name()).c_str(),
                 report::OptionText(defaults, option.name()).c_str(),
-                Padded(Printable(RangeText(option)), widest).c_str(),
+                report::Padded(Printable(RangeText(option)), widest).c_str(),
                 Printable(option.help()).c_str());
   }
   return kExitOk;
@@ -111,7 +114,7 @@ int Log(Session& session, const std::string& job, int64_t after, bool follow) {
         const char* mark = entry.severity() == v1::LOG_SEVERITY_ERROR     ? "ERROR "
                            : entry.severity() == v1::LOG_SEVERITY_WARNING ? "note: "
                                                                           : "";
-        std::printf("%s  %s%s\n", TimeText(entry.time()).c_str(), mark,
+        std::printf("%s  %s%s\n", report::TimeText(entry.time()).c_str(), mark,
                     Printable(entry.text()).c_str());
         std::fflush(stdout);
       });
@@ -124,6 +127,7 @@ struct UpdateArgs {
   std::vector<std::string> labels, removed;
   std::optional<int> priority;
   std::optional<double> keep_seconds;
+  std::optional<std::string> worker_labels;
 };
 
 int Update(Session& session, const UpdateArgs& args) {
@@ -145,6 +149,13 @@ int Update(Session& session, const UpdateArgs& args) {
   if (args.keep_seconds) {
     *job.mutable_policy()->mutable_retention() = DurationOf(*args.keep_seconds);
     mask.add_paths("policy.retention");
+  }
+  if (args.worker_labels) {
+    for (const absl::string_view label :
+         absl::StrSplit(*args.worker_labels, ',', absl::SkipEmpty())) {
+      job.mutable_policy()->add_worker_labels(std::string(label));
+    }
+    mask.add_paths("policy.worker_labels");
   }
   if (mask.paths().empty()) {
     Note("nothing to change; see litags update --help");
@@ -219,7 +230,8 @@ int Clone(Session& session, const CloneArgs& args) {
 
 void AddUpdate(CLI::App& app, Session& session) {
   auto args = std::make_shared<UpdateArgs>();
-  CLI::App* command = app.add_subcommand("update", "Change a job's title, labels, priority or end");
+  CLI::App* command =
+      app.add_subcommand("update", "Change a job's title, labels, priority, end or worker");
   AddJobArgument(*command, args->job);
   command->add_option("--name", args->name, "Title for humans");
   AddLabelOption(*command, args->labels);
@@ -231,6 +243,8 @@ void AddUpdate(CLI::App& app, Session& session) {
       ->add_option("--keep-seconds", args->keep_seconds,
                    "Remove the job so long after its end; 0: never")
       ->check(AtLeastZero(0.0));
+  command->add_option("--worker-labels", args->worker_labels,
+                      "Labels its worker must have, as avx512,site-b; \"\": none");
   command->callback([&session, args] { session.exit_code = Update(session, *args); });
 }
 

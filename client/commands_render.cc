@@ -16,8 +16,8 @@
 #include "client/cli.h"
 #include "client/film.h"
 #include "client/picture_file.h"
+#include "client/report/text.h"
 #include "client/status.h"
-#include "client/text.h"
 #include "client/view_args.h"
 #include "proto/arguments/arguments.h"
 
@@ -171,7 +171,7 @@ absl::Status CheckNoLaterFrames(const PathArgs& args, int frames) {
     return BadInput(
         "OUTPUT_HAS_FRAMES", "-o",
         absl::StrCat(args.output, ": ", name, " is of an earlier path, which had more ",
-                     "than the ", Counted(frames, "frame"),
+                     "than the ", report::Counted(frames, "frame"),
                      " of this one; remove the earlier ones, or choose another folder"));
   }
   return absl::OkStatus();
@@ -243,12 +243,14 @@ int Path(Session& session, const PathArgs& args) {
   if (!status.ok()) return fail(status);
   const auto frames = WritePath(session, *request, args, &film);
   if (!frames.ok()) return fail(frames.status());
-  if (!args.output.empty()) Note(absl::StrCat(args.output, ": ", Counted(*frames, "frame")));
+  if (!args.output.empty()) {
+    Note(absl::StrCat(args.output, ": ", report::Counted(*frames, "frame")));
+  }
   if (args.video.empty()) return kExitOk;
   status = film.Finish();
   if (!status.ok()) return fail(status);
-  Note(absl::StrCat(args.video, ": ", Counted(*frames, "frame"), ", ", args.frames_per_second,
-                    " a second"));
+  Note(absl::StrCat(args.video, ": ", report::Counted(*frames, "frame"), ", ",
+                    args.frames_per_second, " a second"));
   return kExitOk;
 }
 
@@ -279,11 +281,13 @@ int Cameras(Session& session, const std::string& job, bool json) {
   }
   size_t widest = 28;
   for (const auto& named : list->cameras()) {
-    widest = std::max(widest, ColumnsOf(Printable(named.name())));
+    widest = std::max(widest, report::ColumnsOf(report::Printable(named.name())));
   }
-  std::printf("%s %-11s %10s  %s\n", Padded("CAMERA", widest).c_str(), "SIZE", "FOCAL", "POSITION");
+  std::printf("%s %-11s %10s  %s\n", report::Padded("CAMERA", widest).c_str(), "SIZE", "FOCAL",
+              "POSITION");
   for (const auto& named : list->cameras()) {
-    std::printf("%s %-11s %10.2f  %s\n", Padded(Printable(named.name()), widest).c_str(),
+    std::printf("%s %-11s %10.2f  %s\n",
+                report::Padded(report::Printable(named.name()), widest).c_str(),
                 absl::StrCat(named.camera().width(), "x", named.camera().height()).c_str(),
                 named.camera().intrinsics().fx(), PositionText(Center(named.camera())).c_str());
   }

@@ -7,8 +7,8 @@
 #include "client/cli.h"
 #include "client/picture_file.h"
 #include "client/report/report.h"
+#include "client/report/text.h"
 #include "client/status.h"
-#include "client/text.h"
 #include "google/protobuf/util/time_util.h"
 
 namespace litags::client {
@@ -65,7 +65,7 @@ int Report(Session& session, const std::string& job, const std::string& output) 
   status = file.Write(page);
   if (status.ok()) status = file.Commit();
   if (!status.ok()) return ReportError(session, status, job);
-  Note(absl::StrCat(output, ": ", BytesText(static_cast<int64_t>(page.size()))));
+  Note(absl::StrCat(output, ": ", report::BytesText(static_cast<int64_t>(page.size()))));
   return kExitOk;
 }
 

@@ -5,7 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/cli.h"
 #include "client/option_flags.h"
-#include "client/text.h"
+#include "client/report/text.h"
 #include "client/treatment.h"
 
 namespace litags::client {
@@ -24,8 +24,8 @@ int Resume(Session& session, const ResumeArgs& args) {
   *request.mutable_policy() = ToProto(args.treatment);
   const auto job = session.client().ResumeJob(request);
   if (!job.ok()) return ReportError(session, job.status(), args.job);
-  Note(absl::StrCat(args.job, " is ", StateText(job->state()), "; follow it with: litags watch ",
-                    args.job, " --after ", job->last_event()));
+  Note(absl::StrCat(args.job, " is ", report::StateText(job->state()),
+                    "; follow it with: litags watch ", args.job, " --after ", job->last_event()));
   return kExitOk;
 }
 

@@ -13,8 +13,8 @@
 #include "client/job_files.h"
 #include "client/labels.h"
 #include "client/option_flags.h"
+#include "client/report/text.h"
 #include "client/status.h"
-#include "client/text.h"
 #include "client/treatment.h"
 #include "client/upload.h"
 
@@ -54,23 +54,23 @@ void NoteMasks(const Capture& capture) {
   const auto masks =
       std::count_if(capture.files.begin(), capture.files.end(),
                     [](const LocalFile& file) { return file.role == v1::FILE_ROLE_MASK; });
-  Note(absl::StrCat("with ", Counted(masks, "mask"), " from ", capture.masks_dir,
+  Note(absl::StrCat("with ", report::Counted(masks, "mask"), " from ", capture.masks_dir,
                     ": what is 0 there is not learnt"));
 }
 
 // Drawn anew on a terminal; elsewhere it would be a line for every photo.
 void NoteReading(const LocalFile& file) {
   if (isatty(STDERR_FILENO) == 0) return;
-  std::fprintf(stderr, "\rreading %s\x1b[K", Printable(file.name).c_str());
+  std::fprintf(stderr, "\rreading %s\x1b[K", report::Printable(file.name).c_str());
   std::fflush(stderr);
 }
 
 // The upload's progress: drawn anew on a terminal, else said at the end only. `*told` counts those
 // left out that were named: at once, since the upload may fail later.
 void NoteUpload(const UploadProgress& progress, size_t* told) {
-  const std::string text =
-      absl::StrCat("uploaded ", progress.files_done, "/", progress.files, " files, ",
-                   BytesText(progress.bytes_done), " of ", BytesText(progress.bytes));
+  const std::string text = absl::StrCat("uploaded ", progress.files_done, "/", progress.files,
+                                        " files, ", report::BytesText(progress.bytes_done), " of ",
+                                        report::BytesText(progress.bytes));
   const bool done = progress.files_done == progress.files;
   if (done && !progress.skipped.empty()) {
     Note(absl::StrCat("not used, of what is in the archive: ", ShortList(progress.skipped)));
@@ -180,7 +180,8 @@ int Submit(Session& session, const SubmitArgs& args) {
       return exit_code;
     }
   } else {
-    Note(absl::StrCat(job->name(), " was submitted before and is ", StateText(job->state())));
+    Note(absl::StrCat(job->name(), " was submitted before and is ",
+                      report::StateText(job->state())));
   }
   std::printf("%s\n", job->name().c_str());
   std::fflush(stdout);

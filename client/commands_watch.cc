@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/cli.h"
-#include "client/status.h"
+#include "client/report/text.h"
 #include "client/text.h"
 
 namespace litags::client {
@@ -61,7 +61,7 @@ void NoteWaiting(Session& session, const std::string& job) {
   const auto found = session.client().GetJob(job);
   if (!found.ok()) return;  // errors are the next call's to report
   if (!found->waits_for().empty()) {
-    Note(absl::StrCat(job, " waits for ", Printable(found->waits_for())));
+    Note(absl::StrCat(job, " waits for ", report::Printable(found->waits_for())));
   } else if (found->queue_position() > 0) {
     Note(absl::StrCat(job, " is queued, number ", found->queue_position()));
   }

@@ -1,6 +1,5 @@
 #include "client/film.h"
 
-#include <fcntl.h>
 #include <spawn.h>
 #include <sys/socket.h>
 #include <sys/wait.h>

@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "client/text.h"
+#include "client/report/text.h"
 
 namespace litags::client {
 namespace {
@@ -40,8 +40,10 @@ std::string Distinct(const std::set<std::string>& texts, const std::string& what
 std::string VideoText(const v1::JobFile& video) {
   std::vector<std::string> facts = {SizeText(video) + " px"};
   const v1::VideoFindings& found = video.found_in_video();
-  if (found.has_duration()) facts.push_back(DurationText(SecondsOf(found.duration())));
-  if (found.frames() > 0) facts.push_back(CountText(found.frames()) + " frames");
+  if (found.has_duration()) {
+    facts.push_back(report::DurationText(report::SecondsOf(found.duration())));
+  }
+  if (found.frames() > 0) facts.push_back(report::CountText(found.frames()) + " frames");
   return absl::StrCat("a video of ", absl::StrJoin(facts, ", "),
                       ": its sharpest frames become photos");
 }
@@ -69,7 +71,7 @@ struct PhotoFacts {
   // Without photos "".
   std::string Text() const {
     if (used + left_out == 0) return "";
-    std::string text = absl::StrCat(Counted(used, "photo"), " would be used",
+    std::string text = absl::StrCat(report::Counted(used, "photo"), " would be used",
                                     !with_cameras ? ""
                                     : used == 1   ? " if it has a camera"
                                                   : " if they have a camera");
@@ -117,8 +119,8 @@ std::vector<std::string> DescribeFiles(const std::vector<v1::JobFile>& files) {
         absl::StrCat("left out: ", file.file_name(), ": it ", file.found().left_out()));
   }
   if (std::string text = photos.Text(); !text.empty()) parts.insert(parts.begin(), text);
-  if (masks > 0) parts.push_back(Counted(masks, "mask"));
-  if (depths > 0) parts.push_back(Counted(depths, "depth map"));
+  if (masks > 0) parts.push_back(report::Counted(masks, "mask"));
+  if (depths > 0) parts.push_back(report::Counted(depths, "depth map"));
   left_out.insert(left_out.begin(), absl::StrJoin(parts, "; "));
   return left_out;
 }
@@ -130,11 +132,11 @@ std::string FileTable(const std::vector<v1::JobFile>& files) {
   for (const v1::JobFile& file : files) {
     const v1::PhotoFindings& found = file.found();
     absl::StrAppendFormat(
-        &text, kLine, RoleText(file.role()), BytesText(file.size_bytes()), SizeText(file),
+        &text, kLine, RoleText(file.role()), report::BytesText(file.size_bytes()), SizeText(file),
         file.has_found() ? absl::StrFormat("%.1f", found.mean_code()) : "",
         found.has_stops() ? StopsText(found.stops()) : "",
         found.sharpness() > 0 ? absl::StrFormat("%.2f", found.sharpness()) : "",
-        Printable(file.file_name()),
+        report::Printable(file.file_name()),
         found.left_out().empty() ? "" : absl::StrCat("  (left out: it ", found.left_out(), ")"));
   }
   const bool measured = std::any_of(files.begin(), files.end(),

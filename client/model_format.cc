@@ -33,6 +33,7 @@ constexpr std::pair<const char*, v1::ModelFormat> kEndings[] = {
     {".zip", v1::MODEL_FORMAT_COLMAP},
     {".html", v1::MODEL_FORMAT_HTML},
     {".las", v1::MODEL_FORMAT_LAS},
+    {".litags", v1::MODEL_FORMAT_LITAGS},
 };
 
 constexpr std::pair<const char*, v1::UpAxis> kAxes[] = {

@@ -17,8 +17,8 @@ std::vector<std::string> ModelFormatNames();
 absl::StatusOr<v1::ModelFormat> ParseModelFormat(const std::string& name);
 
 // How a file of the format is named: .ply, .compressed.ply, .spz, .sog, .splat, .glb, .usda, .zip
-// for COLMAP, .points.ply, .las, .mesh.ply, .mesh.glb. INVALID_ARGUMENT (MODEL_FORMAT_UNKNOWN) for
-// others.
+// for COLMAP, .points.ply, .las, .mesh.ply, .mesh.glb, .litags. INVALID_ARGUMENT
+// (MODEL_FORMAT_UNKNOWN) for others.
 absl::StatusOr<v1::ModelFormat> ModelFormatOf(const std::string& path);
 // INVALID_ARGUMENT (MODEL_FORMAT_CONFLICT) if the path ends as files of another format do.
 absl::Status CheckEnding(const std::string& path, v1::ModelFormat format);

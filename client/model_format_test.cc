@@ -38,6 +38,7 @@ TEST(ModelFormat, EndingsSayTheFormat) {
   EXPECT_EQ(ModelFormatOf("scene.compressed.ply").value(), v1::MODEL_FORMAT_COMPRESSED_PLY);
   EXPECT_EQ(ModelFormatOf("SCENE.SPZ").value(), v1::MODEL_FORMAT_SPZ);
   EXPECT_EQ(ModelFormatOf("x.zip").value(), v1::MODEL_FORMAT_COLMAP);
+  EXPECT_EQ(ModelFormatOf("scene.litags").value(), v1::MODEL_FORMAT_LITAGS);
   for (const char* path : {"", "scene", "scene.obj", "ply"}) {
     EXPECT_EQ(DetailOf(ModelFormatOf(path).status()).reason(), "MODEL_FORMAT_UNKNOWN") << path;
   }

@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
+#include "client/report/text.h"
 
 namespace litags::client {
 namespace {
@@ -22,16 +23,18 @@ std::vector<std::string> Numbers(const v1::Progress& progress) {
   std::vector<std::string> numbers;
   if (progress.loss() > 0) numbers.push_back(absl::StrFormat("loss %.4f", progress.loss()));
   if (progress.gaussians() > 0) {
-    numbers.push_back(CountText(progress.gaussians()) + " Gaussians");
+    numbers.push_back(report::CountText(progress.gaussians()) + " Gaussians");
   }
   if (progress.iterations_per_second() > 0) {
     numbers.push_back(absl::StrFormat("%.1f it/s", progress.iterations_per_second()));
   }
-  if (progress.has_eta()) numbers.push_back("ETA " + DurationText(SecondsOf(progress.eta())));
+  if (progress.has_eta()) {
+    numbers.push_back("ETA " + report::DurationText(report::SecondsOf(progress.eta())));
+  }
   if (progress.has_psnr_holdout()) {
     numbers.push_back(absl::StrFormat("PSNR %.2f dB", progress.psnr_holdout()));
   }
-  if (!progress.message().empty()) numbers.push_back(Printable(progress.message()));
+  if (!progress.message().empty()) numbers.push_back(report::Printable(progress.message()));
   return numbers;
 }
 
@@ -68,13 +71,13 @@ std::string EventLine(const v1::JobEvent& event) {
       const std::string why = change.has_error() ? change.error().message()
                               : started          ? ""
                                                  : change.message();
-      return absl::StrCat(number, StateText(change.state()), why.empty() ? "" : ": ",
-                          absl::StrReplaceAll(Printable(why), {{"\n", " "}}));
+      return absl::StrCat(number, report::StateText(change.state()), why.empty() ? "" : ": ",
+                          absl::StrReplaceAll(report::Printable(why), {{"\n", " "}}));
     }
     case v1::JobEvent::kSnapshot:
       return absl::StrCat(number, "snapshot of iteration ", event.snapshot().iteration());
     case v1::JobEvent::kProgress: {
-      std::vector<std::string> parts = {StageText(event.progress().stage())};
+      std::vector<std::string> parts = {report::StageText(event.progress().stage())};
       if (const std::string at = IterationText(event.progress()); !at.empty()) {
         parts.push_back(at);
       }
@@ -88,7 +91,7 @@ std::string EventLine(const v1::JobEvent& event) {
 }
 
 std::string ProgressLine(const v1::Progress& progress, size_t columns) {
-  std::string line = StageText(progress.stage());
+  std::string line = report::StageText(progress.stage());
   const std::string at = IterationText(progress);
   if (!at.empty()) absl::StrAppend(&line, "  ", at);
   std::string tail;
@@ -112,30 +115,30 @@ std::string OutcomeText(const v1::Job& job) {
     std::string text = absl::StrCat(job.name(), " failed: ", job.error().message(), "\n");
     if (!detail.field().empty()) absl::StrAppend(&text, "  field:  ", detail.field(), "\n");
     if (!detail.reason().empty()) absl::StrAppend(&text, "  reason: ", detail.reason(), "\n");
-    return Printable(text) + FinishedText(job);
+    return report::Printable(text) + FinishedText(job);
   }
   if (job.state() != v1::JOB_STATE_SUCCEEDED) {
-    return absl::StrCat(Printable(job.name()), " is ", StateText(job.state()), "\n",
+    return absl::StrCat(report::Printable(job.name()), " is ", report::StateText(job.state()), "\n",
                         FinishedText(job));
   }
-  const auto& report = job.report();
-  std::string text = absl::StrCat(job.name(), " succeeded: ", CountText(report.gaussians()),
-                                  " Gaussians after ", report.iterations(), " iterations in ",
-                                  DurationText(SecondsOf(report.run_time())));
-  if (report.has_psnr_holdout()) {
-    absl::StrAppendFormat(&text, ", PSNR %.2f dB", report.psnr_holdout());
-    if (report.has_ssim_holdout()) {
-      absl::StrAppendFormat(&text, ", SSIM %.4f", report.ssim_holdout());
+  const auto& result = job.report();
+  std::string text = absl::StrCat(job.name(), " succeeded: ", report::CountText(result.gaussians()),
+                                  " Gaussians after ", result.iterations(), " iterations in ",
+                                  report::DurationText(report::SecondsOf(result.run_time())));
+  if (result.has_psnr_holdout()) {
+    absl::StrAppendFormat(&text, ", PSNR %.2f dB", result.psnr_holdout());
+    if (result.has_ssim_holdout()) {
+      absl::StrAppendFormat(&text, ", SSIM %.4f", result.ssim_holdout());
     }
     absl::StrAppend(&text, " on held-out views");
   }
-  absl::StrAppend(&text, "\n  cameras found for ", report.registered(), " of ", report.photos(),
-                  " photos (", report.sfm_preparation(), ")\n");
-  if (report.dropped_size() > 0) {
-    absl::StrAppend(&text, "  without a camera: ", absl::StrJoin(report.dropped(), ", "), "\n");
+  absl::StrAppend(&text, "\n  cameras found for ", result.registered(), " of ", result.photos(),
+                  " photos (", result.sfm_preparation(), ")\n");
+  if (result.dropped_size() > 0) {
+    absl::StrAppend(&text, "  without a camera: ", absl::StrJoin(result.dropped(), ", "), "\n");
   }
-  for (const std::string& note : report.notes()) absl::StrAppend(&text, "  note: ", note, "\n");
-  return Printable(text);
+  for (const std::string& note : result.notes()) absl::StrAppend(&text, "  note: ", note, "\n");
+  return report::Printable(text);
 }
 
 }  // namespace litags::client

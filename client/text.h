@@ -1,28 +1,13 @@
-// How a job stands, in lines for people; the words of report/text.h, too.
+// How a job stands, in lines for people.
 #ifndef LITAGS_CLIENT_TEXT_H_
 #define LITAGS_CLIENT_TEXT_H_
 
 #include <cstddef>
 #include <string>
 
-#include "client/report/text.h"
 #include "litags/v1/job.pb.h"
 
 namespace litags::client {
-
-using report::BytesText;
-using report::ColumnsOf;
-using report::Counted;
-using report::CountText;
-using report::DurationText;
-using report::IsUtf8;
-using report::LabelsText;
-using report::Padded;
-using report::Printable;
-using report::SecondsOf;
-using report::StageText;
-using report::StateText;
-using report::TimeText;
 
 // One plain line for an event, without its newline, e.g.
 // "#12 training 250/3000  loss 0.0812  5,123 Gaussians  41.2 it/s  ETA 1m07s".

@@ -6,14 +6,11 @@
 #include <chrono>
 #include <fstream>
 #include <memory>
-#include <set>
-#include <string_view>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/types/span.h"
 #include "client/status.h"
-#include "client/text.h"
 #include "proto/litags/v1/limits.h"
 
 namespace litags::client {

@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <string_view>
 #include <system_error>
 
 #include "absl/strings/ascii.h"
@@ -14,8 +13,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "client/report/text.h"
 #include "client/status.h"
-#include "client/text.h"
 
 namespace litags::client {
 namespace {
@@ -89,7 +88,7 @@ absl::Status ParseIntrinsics(const std::string& text, v1::RenderSettings* settin
   if (!numbers.ok()) return numbers.status();
   if (numbers->size() != 4) {
     return BadInput("INTRINSICS_INVALID", "--intrinsics",
-                    absl::StrCat("--intrinsics: ", Counted(numbers->size(), "number"),
+                    absl::StrCat("--intrinsics: ", report::Counted(numbers->size(), "number"),
                                  "; give four, as fx,fy,cx,cy in pixels"));
   }
   v1::Intrinsics* intrinsics = settings->mutable_intrinsics();
@@ -124,9 +123,10 @@ absl::StatusOr<v1::Vector3> ParseVector(const std::string& text, const std::stri
   const auto numbers = ParseNumbers(text, field);
   if (!numbers.ok()) return numbers.status();
   if (numbers->size() != 3) {
-    return BadInput("VECTOR_INVALID", field,
-                    absl::StrCat(field, ": \"", text, "\" holds ",
-                                 Counted(numbers->size(), "number"), "; give three, as x,y,z"));
+    return BadInput(
+        "VECTOR_INVALID", field,
+        absl::StrCat(field, ": \"", text, "\" holds ", report::Counted(numbers->size(), "number"),
+                     "; give three, as x,y,z"));
   }
   v1::Vector3 vector;
   vector.set_x((*numbers)[0]);
@@ -178,7 +178,7 @@ absl::StatusOr<v1::Pose> ParsePose(const PoseArgs& args) {
     if (!numbers.ok()) return numbers.status();
     if (numbers->size() != 16) {
       return BadInput("POSE_INVALID", "--pose",
-                      absl::StrCat("--pose: ", Counted(numbers->size(), "number"),
+                      absl::StrCat("--pose: ", report::Counted(numbers->size(), "number"),
                                    "; give the 16 of a 4x4 world-to-camera matrix, row by "
                                    "row"));
     }

@@ -62,6 +62,12 @@ Camera Camera::Scaled(int new_width, int new_height) const {
   return out;
 }
 
+Camera Camera::ShrunkTo(int max_side) const {
+  const double shrink = std::min(1.0, double(max_side) / std::max(width, height));
+  return Scaled(std::max(1, static_cast<int>(std::lround(shrink * width))),
+                std::max(1, static_cast<int>(std::lround(shrink * height))));
+}
+
 absl::Status Camera::Validate(std::string_view field, int64_t max_pixels) const {
   const std::string name(field);
   if (width <= 0 || height <= 0) {

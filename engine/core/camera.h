@@ -46,6 +46,8 @@ struct Camera {
 
   // Same view at another image size: intrinsics scaled, pose kept.
   Camera Scaled(int new_width, int new_height) const;
+  // With the longer side `max_side` px, unless it is shorter.
+  Camera ShrunkTo(int max_side) const;
 
   // INVALID_ARGUMENT naming `field` if a number is not finite, the size or a focal length is not
   // positive, the size exceeds `max_pixels` or kMaxImageSide, or R is not a rotation (to 1e-3).

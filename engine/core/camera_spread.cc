@@ -87,10 +87,14 @@ std::vector<bool> FarPlaces(absl::Span<const std::array<double, 3>> places) {
   return out;
 }
 
-std::vector<View> NearViews(absl::Span<const View> views) {
+std::vector<bool> FarCameras(absl::Span<const View> views) {
   std::vector<std::array<double, 3>> places;
   for (const View& view : views) places.push_back(view.camera.Center());
-  const std::vector<bool> far = FarPlaces(places);
+  return FarPlaces(places);
+}
+
+std::vector<View> NearViews(absl::Span<const View> views) {
+  const std::vector<bool> far = FarCameras(views);
   std::vector<View> near;
   for (size_t i = 0; i < views.size(); ++i) {
     if (!far[i]) near.push_back(views[i]);

@@ -15,6 +15,9 @@ namespace litags {
 // more than one in ten would be. Places that are the same, as of a panorama's views, are one.
 std::vector<bool> FarPlaces(absl::Span<const std::array<double, 3>> places);
 
+// Which of the views' cameras are far.
+std::vector<bool> FarCameras(absl::Span<const View> views);
+
 // The views but for those whose cameras are far.
 std::vector<View> NearViews(absl::Span<const View> views);
 

@@ -23,6 +23,16 @@ inline double SrgbFromLinear(double linear) {
 // Weights of red, green and blue in luma, ITU-R BT.601, as JPEG has it.
 constexpr float kLumaRed = 0.299f, kLumaGreen = 0.587f, kLumaBlue = 0.114f;
 
+// In the unit of red, green and blue: a float, a double of doubles.
+template <class T>
+auto Luma(T red, T green, T blue) {
+  return kLumaRed * red + kLumaGreen * green + kLumaBlue * blue;
+}
+template <class T>
+auto Luma(const T* rgb) {
+  return Luma(rgb[0], rgb[1], rgb[2]);
+}
+
 // One byte per pixel, [H, W], rows top to bottom.
 struct PlaneU8 {
   int width = 0;

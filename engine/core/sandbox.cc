@@ -237,6 +237,11 @@ int KeepFilePowersOnly() {
   return syscall(SYS_capset, &header, powers) == 0 ? 0 : errno;
 }
 
+void LimitResource(__rlimit_resource resource, int64_t value, int64_t more) {
+  const rlimit limit = {static_cast<rlim_t>(value), static_cast<rlim_t>(value + more)};
+  setrlimit(resource, &limit);
+}
+
 void HideFromOtherProcesses() {
   if (!kBuiltWithSanitizer) prctl(PR_SET_DUMPABLE, 0, 0, 0, 0);
 }

@@ -4,7 +4,9 @@
 #define LITAGS_ENGINE_CORE_SANDBOX_H_
 
 #include <linux/filter.h>
+#include <sys/resource.h>
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -50,6 +52,10 @@ class SyscallFilter {
 
 // Of root's powers this process keeps those over files. 0, or errno. Async-signal-safe.
 int KeepFilePowersOnly();
+
+// This process gets no more of it than `value`; where it is told first, as of its processor time,
+// `value + more` ends it. Async-signal-safe.
+void LimitResource(__rlimit_resource resource, int64_t value, int64_t more = 0);
 
 // Other processes of this user cannot look into this one: its environment and memory hold secrets.
 // There are no core dumps then either.

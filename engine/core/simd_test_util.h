@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
-#include <cstdio>
 
 #include "hwy/highway.h"
 #include "hwy/targets.h"

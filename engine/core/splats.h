@@ -2,8 +2,8 @@
 #ifndef LITAGS_ENGINE_CORE_SPLATS_H_
 #define LITAGS_ENGINE_CORE_SPLATS_H_
 
+#include <cmath>
 #include <cstddef>
-#include <cstdint>
 
 #include "engine/core/aligned.h"
 
@@ -80,6 +80,15 @@ class Splats {
   size_t size_ = 0;
   AlignedFloats data_;
 };
+
+// Activated.
+inline float Opacity(const Splats& splats, size_t i) {
+  return 1 / (1 + std::exp(-splats.at(i, kLogitOpacity)));
+}
+// The stored value of an opacity in (0, 1).
+inline float LogitOf(double opacity) {
+  return static_cast<float>(std::log(opacity / (1 - opacity)));
+}
 
 }  // namespace litags
 

@@ -11,6 +11,7 @@ namespace litags {
 // Length of the valid UTF-8 sequence at the start of `s` (no overlong forms, no surrogates), 0 if
 // there is none.
 size_t Utf8Length(std::string_view s);
+bool IsUtf8(std::string_view text);
 
 // Length of the character at the start of `s` if it is one that shows nothing and changes what is
 // shown beside it, else 0: control characters, line and paragraph separators, and those that turn

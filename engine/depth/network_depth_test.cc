@@ -3,9 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/image.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
 #include "engine/onnx/onnx_writer.h"
 
 namespace litags {
@@ -27,14 +30,10 @@ class NetworkDepth : public testing::Test {
   // Writes a network whose `planes` outputs are `factor` times the sum of the channels, for inputs
   // of 6x4.
   std::string Model(int planes, float factor) {
-    OnnxWriter model;
-    model.AddInput("x", {1, 3, 4, 6});
-    model.AddConstant("w", {planes, 3, 1, 1}, std::vector<float>(3 * planes, factor));
-    model.AddConstant("b", {planes}, std::vector<float>(planes, 0.0f));
-    model.AddNode("Conv", {"x", "w", "b"}, "y", {{"kernel_shape", {1, 1}}});
-    model.AddOutput("y", {1, planes, 4, 6});
+    const std::string model = PointwiseModel(4, 6, std::vector<float>(3 * planes, factor),
+                                             std::vector<float>(planes, 0.0f));
     const std::string path = dir_ / "depth.onnx";
-    EXPECT_TRUE(WriteFileAtomically(path, model.Bytes()).ok());
+    EXPECT_TRUE(WriteFileAtomically(path, model).ok());
     return path;
   }
 

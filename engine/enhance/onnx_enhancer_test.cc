@@ -6,6 +6,8 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
@@ -14,17 +16,8 @@
 namespace litags {
 namespace {
 
-// y = weights * x + bias per channel, any size.
 std::string Brightener(int channels, float weight, float bias) {
-  OnnxWriter model;
-  model.AddInput("x", {1, 3, 12, 16});
-  std::vector<float> weights(size_t(channels) * 3, 0.0f);
-  for (int c = 0; c < channels; ++c) weights[c * 3 + c % 3] = weight;
-  model.AddConstant("w", {channels, 3, 1, 1}, weights);
-  model.AddConstant("b", {channels}, std::vector<float>(channels, bias));
-  model.AddNode("Conv", {"x", "w", "b"}, "y", {{"kernel_shape", {1, 1}}});
-  model.AddOutput("y", {1, channels, 12, 16});
-  return model.Bytes();
+  return ScalingModel(12, 16, channels, weight, bias);
 }
 
 class OnnxEnhancerTest : public testing::Test {

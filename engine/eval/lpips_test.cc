@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
 #include "engine/core/rng.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/test_util.h"
 #include "engine/onnx/onnx_writer.h"

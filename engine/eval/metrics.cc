@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/core/ssim.h"
 

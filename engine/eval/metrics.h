@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "engine/core/color.h"
 #include "engine/core/image.h"
-#include "engine/core/mask.h"
 
 namespace litags {
 

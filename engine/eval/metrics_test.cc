@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "engine/core/error.h"
+#include "engine/core/mask.h"
 #include "engine/core/rng.h"
 
 namespace litags {

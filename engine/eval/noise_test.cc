@@ -1,6 +1,5 @@
 #include "engine/eval/noise.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "engine/core/rng.h"

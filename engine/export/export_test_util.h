@@ -12,9 +12,14 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/statusor.h"
+#include "engine/core/image.h"
 #include "engine/eval/metrics.h"
 #include "engine/export/near_order.h"
+#include "engine/export/readers.h"
 #include "engine/export/viewer_scene.h"
+#include "engine/io/colmap_io.h"
+#include "engine/io/sparse_model.h"
 #include "engine/render/renderer.h"
 #include "engine/train/train_test_util.h"
 
@@ -90,6 +95,21 @@ inline Errors ErrorsOf(const Splats& a, const Splats& b) {
     grow(&out.angle, 2 * std::sqrt(std::min(minus, plus)));
   }
   return out;
+}
+
+// Root of the mean square. Rounding may take a pixel's share of a Gaussian below the least alpha
+// that is drawn, so that the largest difference says little.
+inline double Difference(const Planes& a, const Planes& b) {
+  double sum = 0;
+  for (size_t i = 0; i < a.data.size(); ++i) sum += std::pow(double{a.data[i]} - b.data[i], 2);
+  return std::sqrt(sum / a.data.size());
+}
+
+// Of EncodeColmap's bytes.
+inline absl::StatusOr<SparseModel> ReadExportedColmap(const std::string& bytes) {
+  return ParseColmapModel(StoredFile(bytes, "sparse/0/cameras.bin"),
+                          StoredFile(bytes, "sparse/0/images.bin"),
+                          StoredFile(bytes, "sparse/0/points3D.bin"), "file");
 }
 
 template <typename T>

@@ -9,7 +9,6 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <type_traits>
-#include <vector>
 
 #include "absl/status/statusor.h"
 #include "engine/io/byte_reader.h"

@@ -1,9 +1,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
-#include <string_view>
 
 #include "absl/strings/escaping.h"
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "engine/core/error.h"
 #include "engine/core/json_text.h"

@@ -1,5 +1,4 @@
 #include "absl/strings/escaping.h"
-#include "engine/core/error.h"
 #include "engine/export/readers.h"
 
 namespace litags {

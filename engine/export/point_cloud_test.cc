@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include <cstring>
+#include <string>
 
-#include "engine/io/byte_reader.h"
+#include "engine/export/export_test_util.h"
 
 namespace litags {
 namespace {
@@ -12,13 +12,6 @@ namespace {
 const PointCloud kPoints = {{{3500000.123456, 5400000.5, 312.25}, {0, 128, 255}},
                             {{3500010.5, 5400003.75, 300.0}, {255, 7, 1}},
                             {{3500004.0, 5400000.0, 301.5}, {9, 9, 9}}};
-
-template <typename T>
-T NumberAt(const std::string& bytes, size_t at) {
-  T value;
-  std::memcpy(&value, bytes.data() + at, sizeof(T));
-  return value;
-}
 
 TEST(PointCloud, LasHoldsCoordinatesOfAMap) {
   const std::string las = EncodeLas(kPoints);

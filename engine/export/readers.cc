@@ -1,16 +1,17 @@
 #include "engine/export/readers.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "engine/core/error.h"
+#include "engine/core/splats.h"
 #include "engine/io/byte_reader.h"
-#include "engine/io/colmap_io.h"
 #include "engine/io/ply.h"
 
 namespace litags {
 
 void SetOpacity(Splats* splats, size_t i, double opacity) {
-  splats->at(i, kLogitOpacity) = LogitOf(opacity);
+  splats->at(i, kLogitOpacity) = LogitOf(std::clamp(opacity, 1e-6, 1 - 1e-6));
 }
 
 void SetQuat(Splats* splats, size_t i, const std::array<float, 4>& quat) {
@@ -94,12 +95,6 @@ absl::StatusOr<ViewerScene> ReadExported(SceneFormat format, const std::string& 
       break;
   }
   return Corrupt("the file holds no Gaussians");
-}
-
-absl::StatusOr<SparseModel> ReadExportedColmap(const std::string& bytes) {
-  return ParseColmapModel(StoredFile(bytes, "sparse/0/cameras.bin"),
-                          StoredFile(bytes, "sparse/0/images.bin"),
-                          StoredFile(bytes, "sparse/0/points3D.bin"), "file");
 }
 
 }  // namespace litags

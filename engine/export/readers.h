@@ -8,16 +8,12 @@
 
 #include "absl/status/statusor.h"
 #include "engine/export/viewer_scene.h"
-#include "engine/io/sparse_model.h"
 
 namespace litags {
 
 // Gaussians of a file in one of the formats but COLMAP's; axes are the file's. DATA_LOSS if it does
 // not hold them.
 absl::StatusOr<ViewerScene> ReadExported(SceneFormat format, const std::string& bytes);
-
-// Of EncodeColmap's bytes.
-absl::StatusOr<SparseModel> ReadExportedColmap(const std::string& bytes);
 
 absl::StatusOr<ViewerScene> DecodeCompressedPly(std::string_view bytes);
 absl::StatusOr<ViewerScene> DecodeSplat(std::string_view bytes);
@@ -30,7 +26,7 @@ absl::StatusOr<ViewerScene> DecodeHtml(std::string_view bytes);
 // A stored file of a ZIP file; empty if there is none of this name.
 std::string_view StoredFile(std::string_view zip, std::string_view name);
 
-// Opacity, unit quaternion (wxyz) and all else of Gaussian i as rows.
+// Opacity, finite for 0 and 1 too, and unit quaternion (wxyz) of Gaussian i as rows.
 void SetOpacity(Splats* splats, size_t i, double opacity);
 void SetQuat(Splats* splats, size_t i, const std::array<float, 4>& quat);
 

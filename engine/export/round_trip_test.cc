@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "engine/core/error.h"
 #include "engine/core/error_test_util.h"
 #include "engine/export/export_test_util.h"
 #include "engine/export/formats.h"

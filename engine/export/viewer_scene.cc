@@ -63,13 +63,6 @@ void KeepOnly(const std::vector<size_t>& kept, Splats* splats) {
   splats->Resize(kept.size());
 }
 
-Camera Small(const Camera& camera) {
-  const double shrink =
-      std::min(1.0, double{kWeighingSide} / std::max(camera.width, camera.height));
-  return camera.Scaled(std::max(1, static_cast<int>(std::lround(shrink * camera.width))),
-                       std::max(1, static_cast<int>(std::lround(shrink * camera.height))));
-}
-
 // Sums of alpha T over the pixels of the views: the derivative of the sum of a colour by the
 // coefficient of degree 0, but for a factor.
 absl::Status Weigh(const ViewerScene& scene, int threads, const CancelToken& cancel,
@@ -84,7 +77,7 @@ absl::Status Weigh(const ViewerScene& scene, int threads, const CancelToken& can
   settings.cancel = &cancel;
   Planes image, alpha;
   for (const size_t v : SpreadIndices(scene.views.size(), kWeighingViews)) {
-    const Camera camera = Small(scene.views[v].camera);
+    const Camera camera = scene.views[v].camera.ShrunkTo(kWeighingSide);
     renderer.Forward(scene.splats, camera, settings, &image, &alpha);
     LITAGS_RETURN_IF_ERROR(cancel.Check());
     Planes ones(3, camera.height, camera.width);
@@ -113,11 +106,6 @@ std::array<float, 4> UnitQuat(const Splats& splats, size_t i) {
   if (!(norm > 0)) return {1, 0, 0, 0};
   for (float& v : q) v = static_cast<float>(v / std::sqrt(norm));
   return q;
-}
-
-float LogitOf(double opacity) {
-  const double inside = std::clamp(opacity, 1e-6, 1 - 1e-6);
-  return static_cast<float>(std::log(inside / (1 - inside)));
 }
 
 void Rotate(const Matrix3& rotation, Splats* splats, int threads) {

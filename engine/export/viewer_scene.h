@@ -3,7 +3,6 @@
 #define LITAGS_ENGINE_EXPORT_VIEWER_SCENE_H_
 
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -36,13 +35,8 @@ struct ViewerScene {
 // Coefficients of a colour, the one of degree 0 included.
 constexpr int ShCount(int degree) { return (degree + 1) * (degree + 1); }
 
-// Activated values.
-inline float Opacity(const Splats& splats, size_t i) {
-  return 1 / (1 + std::exp(-splats.at(i, kLogitOpacity)));
-}
-std::array<float, 4> UnitQuat(const Splats& splats, size_t i);  // wxyz
-// The inverse of the sigmoid, finite for 0 and 1 too.
-float LogitOf(double opacity);
+// Of unit length, wxyz.
+std::array<float, 4> UnitQuat(const Splats& splats, size_t i);
 
 // Turns the Gaussians: x becomes R x, their shapes and colours with them. Exact for every degree.
 // `threads` <= 0: all cores.

@@ -24,14 +24,6 @@ Matrix3 Product(const Matrix3& a, const Matrix3& b) {
   return out;
 }
 
-// Root of the mean square. Rounding may take a pixel's share of a Gaussian below the least alpha
-// that is drawn, so that the largest difference says little.
-double Difference(const Planes& a, const Planes& b) {
-  double sum = 0;
-  for (size_t i = 0; i < a.data.size(); ++i) sum += std::pow(double{a.data[i]} - b.data[i], 2);
-  return std::sqrt(sum / a.data.size());
-}
-
 TEST(RotateSh, PicturesFromTurnedCamerasAreEqualForEveryDegree) {
   const Matrix3 rotation = Product(SomeRotation(), RotationTo({0, 0.6, 0.8}, UpAxis::kNegativeY));
   Matrix3 inverse;

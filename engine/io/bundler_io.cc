@@ -15,7 +15,6 @@
 #include "absl/strings/strip.h"
 #include "engine/core/counted.h"
 #include "engine/core/utf8.h"
-#include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
 #include "engine/io/model_util.h"
 

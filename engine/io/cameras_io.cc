@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/ascii.h"
@@ -124,10 +125,13 @@ absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view
   return ParseTransforms(text, field, sizes, panoramas);
 }
 
-absl::Status CheckCameras(std::string_view text, std::string_view field) {
+absl::StatusOr<std::vector<std::string>> CheckCameras(std::string_view text,
+                                                      std::string_view field) {
   PanoramaNames panoramas;
   // Large, so that it shows all points that Bundler's cameras see.
-  return ParseCameras(text, field, OneSize(kMaxCameraSide, kMaxCameraSide), &panoramas).status();
+  const PhotoSizes sizes = OneSize(kMaxCameraSide, kMaxCameraSide);
+  LITAGS_ASSIGN_OR_RETURN(SparseModel model, ParseCameras(text, field, sizes, &panoramas));
+  return std::move(model.paths);
 }
 
 absl::StatusOr<SparseModel> ReadCameras(const std::string& path, std::string_view field,

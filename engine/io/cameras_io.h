@@ -5,6 +5,7 @@
 #include <set>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -28,8 +29,10 @@ absl::StatusOr<SparseModel> ParseCameras(std::string_view text, std::string_view
                                          const PhotoSizes& sizes,
                                          PanoramaNames* panoramas = nullptr);
 
-// Whether ParseCameras would take it, with panoramas, whatever the photos' sizes are.
-absl::Status CheckCameras(std::string_view text, std::string_view field);
+// Whether ParseCameras would take it, with panoramas, whatever the photos' sizes are. Returns the
+// paths of the photos that it has cameras of.
+absl::StatusOr<std::vector<std::string>> CheckCameras(std::string_view text,
+                                                      std::string_view field);
 
 // A file for ParseCameras or the folder of a COLMAP model, whichever `path` is;
 // NO_CAMERAS_IN_FOLDER for another folder. Bundler's list of

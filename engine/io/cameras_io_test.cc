@@ -4,9 +4,10 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
-#include "engine/io/test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 

@@ -420,8 +420,9 @@ absl::StatusOr<SparseModel> ParseColmapText(std::string_view cameras_txt,
   return ParseModel(cameras, images, points, field, ".txt");
 }
 
-absl::Status CheckColmapFile(std::string_view name, std::string_view bytes,
-                             std::string_view field) {
+absl::StatusOr<std::vector<std::string>> CheckColmapFile(std::string_view name,
+                                                         std::string_view bytes,
+                                                         std::string_view field) {
   const ColmapPart part = name.starts_with("cameras")  ? ColmapPart::kCameras
                           : name.starts_with("images") ? ColmapPart::kImages
                                                        : ColmapPart::kPoints;
@@ -430,11 +431,18 @@ absl::Status CheckColmapFile(std::string_view name, std::string_view bytes,
     LITAGS_ASSIGN_OR_RETURN(binary, BinaryFromText(part, bytes, field));
     bytes = binary;
   }
-  if (part == ColmapPart::kPoints) return ParsePoints(bytes, {}, {}, field, nullptr);
-  if (part == ColmapPart::kCameras) return CheckCameras(bytes, field);
+  if (part == ColmapPart::kPoints) {
+    LITAGS_RETURN_IF_ERROR(ParsePoints(bytes, {}, {}, field, nullptr));
+    return std::vector<std::string>();
+  }
+  if (part == ColmapPart::kCameras) {
+    LITAGS_RETURN_IF_ERROR(CheckCameras(bytes, field));
+    return std::vector<std::string>();
+  }
   LITAGS_ASSIGN_OR_RETURN(LoadedImages images, ParseImages(bytes, nullptr, field));
   if (images.views.empty()) return NoImage(field);
-  return FinishModel(std::move(images.views), field, nullptr).status();
+  LITAGS_ASSIGN_OR_RETURN(SparseModel model, FinishModel(std::move(images.views), field, nullptr));
+  return std::move(model.paths);
 }
 
 absl::StatusOr<SparseModel> ReadColmapModel(const std::string& dir, std::string_view field) {

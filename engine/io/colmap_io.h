@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -32,8 +33,10 @@ absl::StatusOr<SparseModel> ParseColmapText(std::string_view cameras_txt,
 // Checks a file of a model by itself, as its name says which: cameras.bin to points3D.txt. As
 // ReadColmapModel, and, of cameras of which none passes, BAD_FOCAL_LENGTH and BAD_PRINCIPAL_POINT
 // as CheckIntrinsics. What takes two files to see, as images of a camera that there is not, is left
-// to ReadColmapModel.
-absl::Status CheckColmapFile(std::string_view name, std::string_view bytes, std::string_view field);
+// to ReadColmapModel. Returns the photos' names in images.bin or images.txt; of the others none.
+absl::StatusOr<std::vector<std::string>> CheckColmapFile(std::string_view name,
+                                                         std::string_view bytes,
+                                                         std::string_view field);
 
 // The model's three files, one camera per distinct set of intrinsics: PINHOLE, or OPENCV where
 // there is distortion. Image and point ids are index + 1.

@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/byte_reader.h"
 #include "engine/io/file_util.h"
 #include "engine/io/test_util.h"
@@ -254,21 +256,30 @@ TEST(ParseColmapModel, SurvivesCorruption) {
 // As they are uploaded.
 TEST(CheckColmapFile, TakesTheFilesOfAModel) {
   const std::vector<std::string> files = TestFiles();
-  EXPECT_EQ(CheckColmapFile("cameras.bin", files[0], "f"), absl::OkStatus());
-  EXPECT_EQ(CheckColmapFile("images.bin", files[1], "f"), absl::OkStatus());
-  EXPECT_EQ(CheckColmapFile("points3D.bin", files[2], "f"), absl::OkStatus());
-  EXPECT_EQ(
-      CheckColmapFile("cameras.txt", "1 FOV 40 30 50 50 20 15 0.9\n2 PINHOLE 4 3 5 5 2 1\n", "f"),
-      absl::OkStatus());
-  // Those of images that COLMAP took out of the model stay in the file.
-  EXPECT_EQ(CheckColmapFile("cameras.txt",
-                            "1 PINHOLE 40 30 nan 50 20 15\n2 PINHOLE 40 30 9e9 9e9 20 15\n"
-                            "3 PINHOLE 40 30 50 50 20 15\n4 PINHOLE 40 30 1 1 20 99\n",
-                            "f"),
+  const auto check = [](const char* name, const std::string& bytes) {
+    return CheckColmapFile(name, bytes, "f").status();
+  };
+  EXPECT_EQ(check("cameras.bin", files[0]), absl::OkStatus());
+  EXPECT_EQ(check("images.bin", files[1]), absl::OkStatus());
+  EXPECT_EQ(check("points3D.bin", files[2]), absl::OkStatus());
+  EXPECT_EQ(check("cameras.txt", "1 FOV 40 30 50 50 20 15 0.9\n2 PINHOLE 4 3 5 5 2 1\n"),
             absl::OkStatus());
-  EXPECT_EQ(CheckColmapFile("images.txt", "7 1 0 0 0 0 0 0 5 a.jpg\n\n", "f"), absl::OkStatus());
-  EXPECT_EQ(CheckColmapFile("points3D.txt", "", "f"), absl::OkStatus());
-  EXPECT_EQ(CheckColmapFile("points3D.txt", "1 0 0 4 9 9 9 0 7 0\n", "f"), absl::OkStatus());
+  // Those of images that COLMAP took out of the model stay in the file.
+  EXPECT_EQ(check("cameras.txt",
+                  "1 PINHOLE 40 30 nan 50 20 15\n2 PINHOLE 40 30 9e9 9e9 20 15\n"
+                  "3 PINHOLE 40 30 50 50 20 15\n4 PINHOLE 40 30 1 1 20 99\n"),
+            absl::OkStatus());
+  EXPECT_EQ(check("images.txt", "7 1 0 0 0 0 0 0 5 a.jpg\n\n"), absl::OkStatus());
+  EXPECT_EQ(check("points3D.txt", ""), absl::OkStatus());
+  EXPECT_EQ(check("points3D.txt", "1 0 0 4 9 9 9 0 7 0\n"), absl::OkStatus());
+}
+
+TEST(CheckColmapFile, SaysOfWhichPhotosThereAreCameras) {
+  EXPECT_THAT(*CheckColmapFile("images.txt",
+                               "7 1 0 0 0 0 0 0 5 left/b.jpg\n\n8 1 0 0 0 0 0 1 5 a.jpg\n\n", "f"),
+              testing::ElementsAre("a.jpg", "left/b.jpg"));
+  EXPECT_THAT(*CheckColmapFile("cameras.txt", "1 PINHOLE 40 30 50 50 20 15\n", "f"),
+              testing::IsEmpty());
 }
 
 TEST(CheckColmapFile, RefusesWhatIsWrongWithAFileByItself) {
@@ -276,7 +287,7 @@ TEST(CheckColmapFile, RefusesWhatIsWrongWithAFileByItself) {
   const char* const names[] = {"cameras.bin", "images.bin", "points3D.bin"};
   for (size_t which = 0; which < 3; ++which) {
     const std::string cut = files[which].substr(0, files[which].size() - 1);
-    EXPECT_EQ(Reason(CheckColmapFile(names[which], cut, "f")), "MODEL_TRUNCATED") << which;
+    EXPECT_EQ(Reason(CheckColmapFile(names[which], cut, "f").status()), "MODEL_TRUNCATED") << which;
   }
   struct Case {
     const char* name;
@@ -296,7 +307,7 @@ TEST(CheckColmapFile, RefusesWhatIsWrongWithAFileByItself) {
            {"images.txt", "7 1 0 0 0 0 0 0 5 low/..\n\n", "BAD_FILE_NAME"},
            {"images.txt", "7 0 0 0 0 0 0 0 5 a.jpg\n\n", "MODEL_CORRUPT"},
            {"points3D.txt", "1 0 0 inf 9 9 9 0\n", "NOT_FINITE"}}) {
-    const absl::Status status = CheckColmapFile(c.name, c.text, "f");
+    const absl::Status status = CheckColmapFile(c.name, c.text, "f").status();
     EXPECT_EQ(Reason(status), c.reason) << c.name << ": " << c.text;
     EXPECT_THAT(std::string(status.message()), testing::StartsWith("f"));
   }

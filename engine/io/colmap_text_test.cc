@@ -2,9 +2,11 @@
 
 #include <string>
 
+#include "absl/status/status.h"
+#include "engine/core/error.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/file_util.h"
-#include "engine/io/test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 

@@ -8,7 +8,6 @@
 #include <openssl/evp.h>
 
 #include <array>
-#include <limits>
 #include <set>
 
 #include "engine/io/byte_reader.h"

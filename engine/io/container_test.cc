@@ -4,8 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
-#include "engine/io/test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 

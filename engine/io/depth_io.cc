@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
-#include <utility>
 #include <vector>
 
 #include "absl/strings/numbers.h"
@@ -184,10 +183,9 @@ absl::StatusOr<Planes> DecodeDepthMap(std::string_view bytes, std::string_view f
   return map;
 }
 
-absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view field,
-                                    const ImageLimits& limits) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, limits.max_bytes));
-  return DecodeDepthMap(bytes, field, limits);
+absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view field) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, ImageLimits().max_bytes));
+  return DecodeDepthMap(bytes, field);
 }
 
 absl::StatusOr<DepthSize> ReadDepthSize(const std::string& path, std::string_view field) {

@@ -5,6 +5,8 @@
 #include <limits>
 #include <string>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/npy_test_util.h"

@@ -4,7 +4,6 @@
 #include <string>
 
 #include "engine/io/exif_test_util.h"
-#include "engine/io/image_header.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
 

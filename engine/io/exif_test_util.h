@@ -93,11 +93,19 @@ inline std::string ExifBlock(int orientation, bool little) {
          n(1, 4) + n(orientation, 2) + n(0, 2) + n(0, 4);
 }
 
-inline std::string WithJpegExif(const std::string& jpeg, const std::string& tiff) {
-  const std::string payload = std::string("Exif\0\0", 6) + tiff;
+inline std::string WithJpegApp1(const std::string& jpeg, const std::string& payload) {
   const size_t length = payload.size() + 2;
   return jpeg.substr(0, 2) + "\xFF\xE1" + static_cast<char>(length >> 8) +
          static_cast<char>(length & 0xFF) + payload + jpeg.substr(2);
+}
+
+inline std::string WithJpegExif(const std::string& jpeg, const std::string& tiff) {
+  return WithJpegApp1(jpeg, std::string("Exif\0\0", 6) + tiff);
+}
+
+// XMP, of which only `text` is there.
+inline std::string WithJpegXmp(const std::string& jpeg, const std::string& text) {
+  return WithJpegApp1(jpeg, std::string("http://ns.adobe.com/xap/1.0/\0", 29) + text);
 }
 
 }  // namespace litags

@@ -9,9 +9,9 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <memory>
+#include <set>
 #include <system_error>
 
 #include "engine/core/name_key.h"
@@ -241,11 +241,24 @@ std::vector<std::string> NamesInOneFolder(std::string_view path) {
   return names;
 }
 
+std::string StemKey(std::string_view name) { return NameKey(Stem(name)); }
+
+std::vector<std::string> KeysOf(std::string_view path) {
+  std::set<std::string> keys;
+  for (const std::string& form : {std::string(path), WithoutPercent(path)}) {
+    for (const std::string& name : NamesInOneFolder(form)) {
+      keys.insert(NameKey(name));
+      keys.insert(StemKey(name));
+    }
+  }
+  return {keys.begin(), keys.end()};
+}
+
 NameIndex::NameIndex(absl::Span<const std::string> names) {
   for (size_t i = 0; i < names.size(); ++i) {
     by_name_.emplace(names[i], i);
     by_key_[NameKey(names[i])].push_back(i);
-    by_stem_[NameKey(Stem(names[i]))].push_back(i);
+    by_stem_[StemKey(names[i])].push_back(i);
   }
 }
 
@@ -263,7 +276,7 @@ std::vector<size_t> NameIndex::FindAlike(const std::string& path) const {
   };
   for (const std::string& form : {path, WithoutPercent(path)}) {
     for (const std::string& name : NamesInOneFolder(form)) {
-      const std::string key = NameKey(name), stem = NameKey(Stem(name));
+      const std::string key = NameKey(name), stem = StemKey(name);
       if (auto whole = of(by_key_, key); !whole.empty()) return whole;
       // A name without an ending may have dots: what follows the last is no ending then.
       std::vector<size_t> alike = of(by_stem_, key);

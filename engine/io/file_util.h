@@ -69,6 +69,10 @@ class NameIndex {
   Indices by_key_, by_stem_;
 };
 
+// What Find compares paths with: it finds a name only if StemKey(name) is among KeysOf(path).
+std::string StemKey(std::string_view name);
+std::vector<std::string> KeysOf(std::string_view path);
+
 // The path's name with its last folders in front, "a_b_0001.png": with eight folders at most, with
 // ever fewer, and alone.
 std::vector<std::string> NamesInOneFolder(std::string_view path);

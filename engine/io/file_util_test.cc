@@ -5,15 +5,17 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
 #include <fstream>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
 #include "engine/core/sync_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/link_file.h"
-#include "engine/io/test_util.h"
 #include "engine/io/work_folder.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -191,13 +193,11 @@ TEST(LinkFile, IsACopyWhereThereAreNoLinks) {
   std::ofstream(dir / "a") << "photo";
   EXPECT_FALSE(LinkFile(dir / "a", dir / "link"));
   EXPECT_TRUE(std::filesystem::is_symlink(dir / "link"));
-  const Linker none = [](const auto&, const auto&, std::error_code& error) {
-    error = std::make_error_code(std::errc::operation_not_permitted);
-  };
-  EXPECT_FALSE(LinkFile(dir / "a", dir / "copy", none));
+  EXPECT_FALSE(LinkFile(dir / "a", dir / "copy", /*can_link=*/false));
   EXPECT_FALSE(std::filesystem::is_symlink(dir / "copy"));
   EXPECT_EQ(ReadFile(dir / "copy", "f", 100).value(), "photo");
-  EXPECT_EQ(LinkFile(dir / "a", dir / "none/copy", none), std::errc::no_such_file_or_directory);
+  EXPECT_EQ(LinkFile(dir / "a", dir / "none/copy", /*can_link=*/false),
+            std::errc::no_such_file_or_directory);
 }
 
 TEST(NameIndex, FindsNamesAsOtherProgramsWriteThem) {
@@ -208,6 +208,19 @@ TEST(NameIndex, FindsNamesAsOtherProgramsWriteThem) {
   EXPECT_EQ(index.Find("clip.2024.frame_3"), std::nullopt);
   EXPECT_EQ(index.Find("S\u00FCd 1.jpg"), 2u);
   EXPECT_EQ(index.Find("%C3%9F%20(1).png"), 3u);
+}
+
+TEST(NameIndex, FindsOnlyNamesWhoseKeyIsAmongThoseOfThePath) {
+  for (const std::string name : {"a.jpg", "Su\u0308d 1.jpg", "left_a.png", "a.jpg.png", "a"}) {
+    const NameIndex index({&name, 1});
+    for (const std::string path : {"a", "A.PNG", "left/a.jpg", "x/left/a", "S\u00FCd%201.JPG",
+                                   "a.jpg", "a.jpg.png", "b.jpg", "right/a_.jpg"}) {
+      const std::vector<std::string> keys = KeysOf(path);
+      EXPECT_EQ(index.Find(path).has_value(),
+                std::find(keys.begin(), keys.end(), StemKey(name)) != keys.end())
+          << name << " " << path;
+    }
+  }
 }
 
 TEST(MakeEmptyFolder, LeavesNothingOfWhatWasThereAndSaysWhatItCannotMake) {

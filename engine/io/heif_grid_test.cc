@@ -1,9 +1,9 @@
 // HEIC as phones write it: a grid of tiles, each a picture of its own.
 #include <string>
 
+#include "engine/core/error_test_util.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
 #include "engine/io/testing_photos.h"
 #include "gtest/gtest.h"
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <functional>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -137,22 +136,19 @@ absl::StatusOr<ImageU8> DecodeImage(std::string_view bytes, std::string_view fie
   return PhotoToU8(photo);
 }
 
-absl::StatusOr<Photo> ReadPhoto(const std::string& path, std::string_view field,
-                                const ImageLimits& limits) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, limits.max_bytes));
-  return DecodePhoto(bytes, field, limits);
+absl::StatusOr<Photo> ReadPhoto(const std::string& path, std::string_view field) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, ImageLimits().max_bytes));
+  return DecodePhoto(bytes, field);
 }
 
-absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view field,
-                                  const ImageLimits& limits) {
-  LITAGS_ASSIGN_OR_RETURN(const Photo photo, ReadPhoto(path, field, limits));
+absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view field) {
+  LITAGS_ASSIGN_OR_RETURN(const Photo photo, ReadPhoto(path, field));
   return PhotoToU8(photo);
 }
 
-absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field,
-                                        const ImageLimits& limits) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, limits.max_bytes));
-  return ReadImageInfo(bytes, field, limits);
+absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, ImageLimits().max_bytes));
+  return ReadImageInfo(bytes, field);
 }
 
 absl::StatusOr<std::string> EncodePng(const ImageU8& image) {
@@ -215,8 +211,8 @@ absl::Status WriteJpeg(const std::string& path, const ImageU8& image, int qualit
   return WriteFileAtomically(path, bytes);
 }
 
-absl::Status WritePng16(const std::string& path, const Planes& plane, double scale) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, EncodePng16(plane, scale));
+absl::Status WritePng16(const std::string& path, const Planes& plane) {
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, EncodePng16(plane));
   return WriteFileAtomically(path, bytes);
 }
 

@@ -20,7 +20,8 @@
 
 namespace litags {
 
-// What a photo may cost us. Checked on the file's header, before anything is allocated.
+// What a photo may cost us. Checked on the file's header, before anything is allocated. Fuzzing
+// gives smaller ones.
 struct ImageLimits {
   int64_t max_bytes = kMaxImageBytes;    // encoded
   int64_t max_pixels = kMaxImagePixels;  // decoded
@@ -98,12 +99,9 @@ absl::StatusOr<ImageU8> DecodeImage(std::string_view bytes, std::string_view fie
                                     const ImageLimits& limits = {});
 
 // The same from a file; NOT_FOUND if missing. ReadImageSize decodes nothing.
-absl::StatusOr<Photo> ReadPhoto(const std::string& path, std::string_view field,
-                                const ImageLimits& limits = {});
-absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view field,
-                                  const ImageLimits& limits = {});
-absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field,
-                                        const ImageLimits& limits = {});
+absl::StatusOr<Photo> ReadPhoto(const std::string& path, std::string_view field);
+absl::StatusOr<ImageU8> ReadImage(const std::string& path, std::string_view field);
+absl::StatusOr<ImageInfo> ReadImageSize(const std::string& path, std::string_view field);
 
 // As a PNG of 16 bits, of which the lower four repeat the upper: 12 bits of a photo are worth
 // keeping. `significant_bits`, at most those: of the file that the photo comes from (sBIT). Where

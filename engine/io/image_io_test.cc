@@ -1,14 +1,14 @@
 #include "engine/io/image_io.h"
 
-#include <array>
 #include <cmath>
 #include <fstream>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/exif_test_util.h"
-#include "engine/io/file_util.h"
 #include "engine/io/image_header.h"
 #include "engine/io/test_util.h"
 #include "engine/io/testing_jpeg.h"

@@ -2,7 +2,6 @@
 #ifndef LITAGS_ENGINE_IO_IO_ERROR_H_
 #define LITAGS_ENGINE_IO_IO_ERROR_H_
 
-#include <string>
 #include <string_view>
 
 #include "absl/status/status.h"

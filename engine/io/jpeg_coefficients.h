@@ -5,7 +5,6 @@
 // jpeglib.h needs FILE and size_t to be declared before it.
 #include <csetjmp>
 #include <cstddef>
-#include <cstdint>
 #include <cstdio>
 #include <string_view>
 

@@ -1,7 +1,6 @@
 // JPEG XL, by libjxl: the first frame, with the precision that it has.
 #include <jxl/decode.h>
 
-#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <string>
 
+#include "engine/core/photo.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/colmap_io.h"
-#include "engine/io/image_io.h"
 #include "engine/io/seen_point_test_util.h"
 #include "engine/io/sparse_model.h"
-#include "engine/io/test_util.h"
 #include "engine/io/transforms_io.h"
 
 namespace litags {

@@ -5,7 +5,6 @@
 #include "absl/strings/ascii.h"
 #include "engine/core/mask.h"
 #include "engine/io/file_util.h"
-#include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
 #include "engine/io/png_codes.h"
 

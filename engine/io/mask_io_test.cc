@@ -6,10 +6,11 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/image.h"
 #include "engine/core/mask.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
-#include "engine/io/test_util.h"
-#include "engine/io/testing_jpeg.h"
 
 namespace litags {
 namespace {

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "engine/io/bounded_json.h"
-#include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
 #include "engine/io/model_util.h"
 

@@ -3,7 +3,6 @@
 #define LITAGS_ENGINE_IO_MODEL_UTIL_H_
 
 #include <span>
-#include <string>
 #include <string_view>
 #include <vector>
 

@@ -9,7 +9,6 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "absl/strings/strip.h"
 #include "engine/core/check.h"
 #include "engine/io/byte_reader.h"
 #include "engine/io/file_util.h"
@@ -189,9 +188,9 @@ absl::StatusOr<NpyArray> DecodeNpy(std::string_view bytes, std::string_view fiel
   return array;
 }
 
-absl::StatusOr<NpyArray> ReadNpy(const std::string& path, std::string_view field,
-                                 int64_t max_bytes) {
-  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, max_bytes));
+absl::StatusOr<NpyArray> ReadNpy(const std::string& path, std::string_view field) {
+  constexpr int64_t kMaxBytes = int64_t{1} << 30;
+  LITAGS_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, field, kMaxBytes));
   return DecodeNpy(bytes, field.empty() ? std::string_view(path) : field);
 }
 

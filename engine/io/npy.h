@@ -30,8 +30,8 @@ absl::StatusOr<NpyArray> DecodeNpy(std::string_view bytes, std::string_view fiel
 // Type and shape alone, of a file's first bytes; its elements begin at `data`.
 absl::StatusOr<NpyArray> DecodeNpyHeader(std::string_view bytes, std::string_view field,
                                          size_t* data);
-absl::StatusOr<NpyArray> ReadNpy(const std::string& path, std::string_view field,
-                                 int64_t max_bytes = int64_t{1} << 30);
+// Of 1 GiB at most.
+absl::StatusOr<NpyArray> ReadNpy(const std::string& path, std::string_view field);
 
 }  // namespace litags
 

@@ -1,7 +1,6 @@
 #ifndef LITAGS_ENGINE_IO_NPY_TEST_UTIL_H_
 #define LITAGS_ENGINE_IO_NPY_TEST_UTIL_H_
 
-#include <cstdint>
 #include <string>
 #include <vector>
 

@@ -2,7 +2,6 @@
 #ifndef LITAGS_ENGINE_IO_OPENMVG_IO_H_
 #define LITAGS_ENGINE_IO_OPENMVG_IO_H_
 
-#include <string>
 #include <string_view>
 
 #include "absl/status/statusor.h"

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
 #include "engine/io/dng.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/image_io.h"

@@ -3,8 +3,9 @@
 
 #include <fstream>
 #include <string>
-#include <vector>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/heif_codecs.h"
 #include "engine/io/image_io.h"

@@ -20,7 +20,7 @@ absl::StatusOr<std::string> EncodePng16(const Planes& plane, double scale = 6553
 // Encode and write atomically.
 absl::Status WritePng(const std::string& path, const ImageU8& image);
 absl::Status WriteJpeg(const std::string& path, const ImageU8& image, int quality = 95);
-absl::Status WritePng16(const std::string& path, const Planes& plane, double scale = 65535.0);
+absl::Status WritePng16(const std::string& path, const Planes& plane);
 
 }  // namespace litags
 

@@ -8,7 +8,6 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
-#include "engine/io/byte_reader.h"
 #include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
 

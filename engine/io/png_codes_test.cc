@@ -11,7 +11,6 @@
 
 #include "engine/core/error.h"
 #include "engine/io/alpha_mask.h"
-#include "engine/io/image_io.h"
 
 namespace litags {
 namespace {

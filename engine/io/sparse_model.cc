@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -10,9 +9,8 @@
 #include "absl/functional/function_ref.h"
 #include "engine/core/check.h"
 #include "engine/core/mask.h"
-#include "engine/io/colmap_io.h"
+#include "engine/core/photo.h"
 #include "engine/io/io_error.h"
-#include "engine/io/transforms_io.h"
 
 namespace litags {
 namespace {

@@ -15,7 +15,6 @@
 #include "engine/core/camera.h"
 #include "engine/core/color.h"
 #include "engine/core/image.h"
-#include "engine/core/photo.h"
 
 namespace litags {
 
@@ -71,6 +70,10 @@ struct SparseModel {
   std::vector<SparsePoint> points;      // empty for transforms.json
   // Of each view, where the file that was read says that its photo lies; else empty.
   std::vector<std::string> paths;
+
+  const std::string& PathOf(size_t view) const {
+    return paths.empty() ? views[view].name : paths[view];
+  }
 };
 
 // The size of the photo that a file of cameras calls `name`, for files that say none; 0x0: not

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <string>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/photo.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/test_util.h"
 #include "gmock/gmock.h"

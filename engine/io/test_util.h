@@ -2,14 +2,16 @@
 #ifndef LITAGS_ENGINE_IO_TEST_UTIL_H_
 #define LITAGS_ENGINE_IO_TEST_UTIL_H_
 
+#include <gtest/gtest.h>
+
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <string>
 
-#include "engine/core/error_test_util.h"
 #include "engine/core/image.h"
 #include "engine/core/rng.h"
-#include "engine/core/temp_dir_test_util.h"
+#include "engine/io/file_util.h"
 
 namespace litags {
 
@@ -21,6 +23,13 @@ inline std::string SharedScenes() {
     if (fs::is_directory(scenes)) return scenes.string();
   }
   return "";
+}
+
+// Of a file that must be there.
+inline std::string Bytes(const std::string& path) {
+  const auto bytes = ReadFile(path, "", int64_t{1} << 28);
+  EXPECT_TRUE(bytes.ok()) << bytes.status();
+  return bytes.value_or("");
 }
 
 // Calls `check` with `bytes` after each of `count` changes of one to four bytes, all seeded.

@@ -174,15 +174,16 @@ class Keys {
     return value.value_or(fallback);
   }
 
-  // Whether `key` is there and neither false nor 0; an error if it is no boolean and no number.
-  absl::StatusOr<bool> Flag(const char* key) const {
-    const Json* value = Find(key);
+  // Whether "is_fisheye" is there and neither false nor 0; an error if it is no boolean and no
+  // number.
+  absl::StatusOr<bool> IsFisheye() const {
+    const Json* value = Find("is_fisheye");
     if (value == nullptr) return false;
     if (value->is_boolean()) return value->get<bool>();
     if (value->is_number()) return value->get<double>() != 0;
-    return InvalidField(
-        "BAD_NUMBER", where_,
-        absl::StrCat("'", key, "' is ", Describe(*value), ", neither true nor false nor a number"));
+    return InvalidField("BAD_NUMBER", where_,
+                        absl::StrCat("'is_fisheye' is ", Describe(*value),
+                                     ", neither true nor false nor a number"));
   }
 
  private:
@@ -238,7 +239,7 @@ absl::Status ReadLens(const Keys& keys, Distortion* lens) {
       return unsupported(absl::StrCat("camera model ", Describe(*given)));
     }
   }
-  LITAGS_ASSIGN_OR_RETURN(const bool is_fisheye, keys.Flag("is_fisheye"));
+  LITAGS_ASSIGN_OR_RETURN(const bool is_fisheye, keys.IsFisheye());
   lens->fisheye = is_fisheye || model == "OPENCV_FISHEYE";
   const bool full = model == "FULL_OPENCV";
   const struct {

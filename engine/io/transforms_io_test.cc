@@ -1,10 +1,10 @@
 #include "engine/io/transforms_io.h"
 
-#include <cmath>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "engine/core/error_test_util.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/test_util.h"
 #include "gmock/gmock.h"
@@ -101,7 +101,7 @@ TEST(ParseTransforms, EachFrameWithoutASizeHasThatOfItsPhoto) {
   EXPECT_NEAR(model->views[1].camera.fx, 300, 1e-9);
   EXPECT_EQ(Reason(ParseStatus(json)), "MISSING_KEY");
   EXPECT_TRUE(CheckCameras(json, "cameras").ok());
-  EXPECT_EQ(Reason(CheckCameras("{}", "cameras")), "MISSING_KEY");
+  EXPECT_EQ(Reason(CheckCameras("{}", "cameras").status()), "MISSING_KEY");
 }
 
 // Cameras may be of larger photos than those that are sent, as of mosaics.

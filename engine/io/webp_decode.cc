@@ -2,7 +2,6 @@
 #include <webp/decode.h>
 
 #include <array>
-#include <string>
 #include <vector>
 
 #include "engine/io/byte_reader.h"

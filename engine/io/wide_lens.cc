@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "engine/core/check.h"
+#include "engine/core/mask.h"
 
 namespace litags {
 namespace {

@@ -8,8 +8,7 @@
 #include <optional>
 
 #include "engine/core/camera.h"
-#include "engine/core/image.h"
-#include "engine/core/mask.h"
+#include "engine/core/color.h"
 #include "engine/core/photo.h"
 #include "engine/io/sparse_model.h"
 

@@ -7,6 +7,8 @@
 #include <limits>
 #include <numbers>
 
+#include "engine/core/mask.h"
+
 namespace litags {
 namespace {
 

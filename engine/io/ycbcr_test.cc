@@ -11,10 +11,10 @@
 #include <utility>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
 #include "engine/core/rng.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
 #include "engine/io/testing_formats.h"
 #include "gtest/gtest.h"
 

@@ -2,29 +2,14 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
 #include <vector>
 
-#include "engine/core/rng.h"
+#include "engine/noise/two_halves_test_util.h"
 
 namespace litags {
 namespace {
 
-constexpr int kSize = 120;
-
-// Left half of code `left`, right half of code `right`, with normal noise of such deviations.
-Photo TwoHalves(double left, double right, double left_noise = 0, double right_noise = 0) {
-  const CounterRng rng(7, 1);
-  ImageU8 image(kSize, kSize);
-  for (size_t i = 0; i < image.data.size(); ++i) {
-    const bool is_left = (i / 3) % kSize < kSize / 2;
-    const double code =
-        is_left ? left + left_noise * rng.Normal(i) : right + right_noise * rng.Normal(i);
-    image.data[i] = static_cast<uint8_t>(std::clamp(std::round(code), 0.0, 255.0));
-  }
-  return PhotoFromU8(image);
-}
+constexpr int kSize = kTwoHalvesSize;
 
 PlaneU8 LeftHalf() {
   PlaneU8 mask(kSize, kSize);

@@ -4,8 +4,10 @@
 
 #include <limits>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/image.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
-#include "engine/io/test_util.h"
 #include "engine/onnx/onnx_writer.h"
 
 namespace litags {

@@ -56,6 +56,24 @@ std::string OnnxWriter::Bytes() const {
          WireBytes(8, WireBytes(1, "") + WireNumber(2, 11 /* opset */));
 }
 
+std::string PointwiseModel(int height, int width, const std::vector<float>& weights,
+                           const std::vector<float>& bias) {
+  const auto channels = static_cast<int64_t>(bias.size());
+  OnnxWriter model;
+  model.AddInput("x", {1, 3, height, width});
+  model.AddConstant("w", {channels, 3, 1, 1}, weights);
+  model.AddConstant("b", {channels}, bias);
+  model.AddNode("Conv", {"x", "w", "b"}, "y", {{"kernel_shape", {1, 1}}});
+  model.AddOutput("y", {1, channels, height, width});
+  return model.Bytes();
+}
+
+std::string ScalingModel(int height, int width, int channels, float weight, float bias) {
+  std::vector<float> weights(size_t(channels) * 3, 0.0f);
+  for (int c = 0; c < channels; ++c) weights[c * 3 + c] = weight;
+  return PointwiseModel(height, width, weights, std::vector<float>(channels, bias));
+}
+
 std::string SquaredDifferenceModel(int height, int width) {
   OnnxWriter model;
   for (const char* name : {"in0", "in1"}) model.AddInput(name, {1, 3, height, width});

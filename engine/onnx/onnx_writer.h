@@ -30,6 +30,13 @@ class OnnxWriter {
   std::string nodes_, constants_, inputs_, outputs_;
 };
 
+// y = weights x + bias at every pixel, of three channels: `weights` has three for each of `bias`.
+std::string PointwiseModel(int height, int width, const std::vector<float>& weights,
+                           const std::vector<float>& bias);
+
+// y = weight x + bias, of `channels` channels: the first ones of three.
+std::string ScalingModel(int height, int width, int channels, float weight, float bias);
+
 // The mean squared difference of two pictures, which stands in for LPIPS.
 std::string SquaredDifferenceModel(int height, int width);
 

@@ -33,9 +33,7 @@ bool Differ(const int16_t* a, const int16_t* b) {
   return false;
 }
 
-double Luma(const int16_t* pixel) {
-  return (kLumaRed * pixel[0] + kLumaGreen * pixel[1] + kLumaBlue * pixel[2]) / kPhotoCode;
-}
+double CodeOf(const int16_t* pixel) { return Luma(pixel) / kPhotoCode; }
 
 // `corner`: of the photo, which is of the bar if there is one.
 template <class Pixel>
@@ -46,7 +44,7 @@ Line LineOf(int n, const int16_t* corner, const Pixel& pixel) {
   for (int i = 0; i < n; ++i) {
     uneven += Differ(pixel(i), middle);
     picture += Differ(pixel(i), corner);
-    level += std::abs(Luma(pixel(i)) - Luma(corner)) / n;
+    level += std::abs(CodeOf(pixel(i)) - CodeOf(corner)) / n;
   }
   Line line{.kind = LineKind::kOther, .level = static_cast<float>(level)};
   const bool dark = *std::max_element(middle, middle + 3) <= kDarkLine * kPhotoCode;

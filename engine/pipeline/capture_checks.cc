@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "engine/core/color.h"
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
@@ -55,10 +56,8 @@ PhotoDarkness MeasureDarkness(const Photo& photo, const PlaneU8& mask, const Ima
   const size_t counted = CountedPixels(mask, photo.pixels());
   if (SignificantBits(info) == 8) {
     size_t black = 0;
-    ForCounted(mask, photo.pixels(), [&](size_t i) {
-      const int16_t* rgb = &photo.data[3 * i];
-      black += kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2] < kPhotoCode;
-    });
+    ForCounted(mask, photo.pixels(),
+               [&](size_t i) { black += Luma(&photo.data[3 * i]) < kPhotoCode; });
     darkness.black = static_cast<double>(black) / counted;
   } else if (info.format == ImageFormat::kPng || info.format == ImageFormat::kTiff) {
     // One 8-bit code is 257 of 65535.

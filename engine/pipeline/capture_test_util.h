@@ -13,9 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/colmap_io.h"
-#include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
 #include "engine/pipeline/engine.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 #include "engine/pipeline/train_set.h"

@@ -11,6 +11,7 @@
 
 #include "engine/core/mask.h"
 #include "engine/io/container.h"
+#include "engine/io/test_util.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
 namespace litags {

@@ -326,14 +326,16 @@ std::vector<std::string> MapStemsOfViews(const std::string& photo) {
   return stems;
 }
 
-absl::Status CheckDepthSource(const Context& context, std::vector<std::string>* notes) {
+absl::Status CheckDepthSource(const Context& context) {
   const DepthOrigin origin = ResolveDepthOrigin(context);
   if (origin == DepthOrigin::kMaps && context.input.depth_dir.empty()) {
     return InvalidInput("DEPTH_MAPS_MISSING", "options.depth_source",
                         "options.depth_source: maps were asked for and none were given; give "
                         "depth maps or choose another source");
   }
-  if (origin == DepthOrigin::kMaps) LITAGS_RETURN_IF_ERROR(CheckMapsFit(context.input, notes));
+  if (origin == DepthOrigin::kMaps) {
+    LITAGS_RETURN_IF_ERROR(CheckMapsFit(context.input, &context.report->notes));
+  }
   if (origin == DepthOrigin::kNetwork && context.input.depth_network.path.empty()) {
     return InvalidInput("DEPTH_MODEL_MISSING", "options.depth_source",
                         "options.depth_source: a network was asked for and this installation "
@@ -359,7 +361,6 @@ absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
   const ReconstructInput& input = context.input;
   const DepthOrigin asked = ResolveDepthOrigin(context);
   if (asked == DepthOrigin::kNone) return DepthMaps();
-  LITAGS_RETURN_IF_ERROR(CheckDepthSource(context, &context.report->notes));
   LITAGS_ASSIGN_OR_RETURN(const DepthOrigin origin, OriginFor(context, photos));
   if (asked != DepthOrigin::kMaps && !input.depth_dir.empty()) {
     context.Note(absl::StrCat("the depth maps given are not used: depth comes from ",

@@ -35,14 +35,14 @@ inline DepthOrigin ResolveDepthOrigin(const Context& context) {
 // If the maps in input.depth_dir cannot be those of the photos, by their names and first bytes:
 // DEPTH_MAP_WITHOUT_PHOTO where none is of a photo, DEPTH_MAP_SIZE, DEPTH_FOLDER_MISSING, errors of
 // ReadDepthSize. `notes` (may be null) gets one where maps may be of photos before EXIF turns them.
-absl::Status CheckMapsFit(const CutInput& input, std::vector<std::string>* notes = nullptr);
+absl::Status CheckMapsFit(const CutInput& input, std::vector<std::string>* notes);
 
 // What maps of the views of a wide photo may be called, without their endings.
 std::vector<std::string> MapStemsOfViews(const std::string& photo);
 
 // If the source has nothing to work with, before the cameras are searched for: INVALID_ARGUMENT
-// (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING), errors and `notes` of CheckMapsFit.
-absl::Status CheckDepthSource(const Context& context, std::vector<std::string>* notes = nullptr);
+// (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING), errors of CheckMapsFit. The report gets its notes.
+absl::Status CheckDepthSource(const Context& context);
 
 // What tells a network from another. Errors of its file.
 absl::Status AddNetwork(const DepthNetwork& network, Fingerprint* f);
@@ -53,8 +53,8 @@ using DepthMaps = std::vector<std::optional<DepthMap>>;
 // report. `points` are of the capture's model, `point_views` as in TrainSet. Maps of stereo and of
 // a network are kept in work_dir/depth.litags and taken from there if they were made from the same
 // photos, cameras and points (`key`), so that a resumed run has the very same. Where no training
-// photo has one of the maps given, stereo makes them, with a note, if the source is kAuto. Errors
-// of CheckDepthSource() and of the source; INVALID_ARGUMENT: DEPTH_MAP_WITHOUT_PHOTO,
+// photo has one of the maps given, stereo makes them, with a note, if the source is kAuto.
+// CheckDepthSource() passed. Errors of the source; INVALID_ARGUMENT: DEPTH_MAP_WITHOUT_PHOTO,
 // DEPTH_MAP_EMPTY (all are), DEPTH_MAP_INVERSE (points that photos saw tell). Pixels that do not
 // count by their photo's mask get no depth.
 absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,

@@ -6,10 +6,10 @@
 #include <filesystem>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
-#include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/test_util.h"
 #include "engine/onnx/onnx_writer.h"
@@ -212,7 +212,7 @@ TEST(CheckMapsFit, RefusesWhatCannotBeReadAsAMap) {
   const auto reason = [&](const std::string& ending, const std::string& bytes) {
     const std::string path = input.depth_dir + "/" + stem + ending;
     EXPECT_TRUE(WriteFileAtomically(path, bytes).ok());
-    const absl::Status status = CheckMapsFit(CutInput(input));
+    const absl::Status status = CheckMapsFit(CutInput(input), nullptr);
     std::filesystem::remove(path);
     EXPECT_EQ(GetErrorDetail(status)->field, "depth/" + stem + ending);
     return Reason(status);

@@ -10,7 +10,6 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
-#include "engine/core/image.h"
 #include "engine/depth/depth_network.h"
 #include "engine/pipeline/options.h"
 #include "engine/pipeline/report.h"

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "engine/core/color.h"
 #include "engine/core/error.h"
 #include "engine/export/formats.h"

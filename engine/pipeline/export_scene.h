@@ -3,7 +3,6 @@
 #define LITAGS_ENGINE_PIPELINE_EXPORT_SCENE_H_
 
 #include <array>
-#include <string>
 #include <vector>
 
 #include "absl/status/status.h"

@@ -5,10 +5,14 @@
 #include <vector>
 
 #include "engine/core/color.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
+#include "engine/export/export_test_util.h"
 #include "engine/export/formats.h"
 #include "engine/export/near_order.h"
 #include "engine/export/readers.h"
 #include "engine/io/test_util.h"
+#include "engine/pipeline/model_scene.h"
 #include "engine/pipeline/render_rules.h"
 #include "engine/pipeline/scene_test_util.h"
 #include "engine/viewer/viewer.h"

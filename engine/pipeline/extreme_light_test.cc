@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "engine/core/color.h"
+#include "engine/core/error_test_util.h"
 #include "engine/core/rng.h"
 #include "engine/io/file_util.h"
 #include "engine/io/testing_formats.h"

@@ -11,17 +11,13 @@
 #include "engine/core/error.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
+#include "engine/io/io_error.h"
 #include "engine/pipeline/photo_place.h"
 
 namespace litags {
 namespace {
 
-std::string NameInMessage(const std::string& name) { return absl::StrCat("'", name, "'"); }
-
-// Where the file says that the photo of view `i` lies.
-const std::string& PathOf(const SparseModel& model, size_t i) {
-  return model.paths.empty() ? model.views[i].name : model.paths[i];
-}
+std::string NameInMessage(std::string_view name) { return absl::StrCat("'", Absl(name), "'"); }
 
 // The view of each photo: names that are the same go first, so that a camera whose own photo is
 // missing takes no other's.
@@ -32,17 +28,17 @@ absl::StatusOr<std::map<size_t, size_t>> ViewsOfPhotos(const SparseModel& model,
   const auto add = [&](size_t photo, size_t view) -> absl::Status {
     const auto [first, added] = view_of.emplace(photo, view);
     if (added) return absl::OkStatus();
-    const std::string& path = PathOf(model, view);
+    const std::string& path = model.PathOf(view);
     return InvalidInput("DUPLICATE_CAMERA", "cameras",
                         absl::StrCat("cameras: photo ", photos[photo], " may have the camera of ",
-                                     PathOf(model, first->second), " or of ", path,
+                                     model.PathOf(first->second), " or of ", path,
                                      "; keep one, or name the photos of several folders with them, "
                                      "as ",
                                      NamesInOneFolder(path).front()));
   };
   std::vector<size_t> others;
   for (size_t i = 0; i < model.views.size(); ++i) {
-    if (const auto photo = index.FindExact(PathOf(model, i))) {
+    if (const auto photo = index.FindExact(model.PathOf(i))) {
       LITAGS_RETURN_IF_ERROR(add(*photo, i));
     } else {
       others.push_back(i);
@@ -51,12 +47,12 @@ absl::StatusOr<std::map<size_t, size_t>> ViewsOfPhotos(const SparseModel& model,
   std::set<size_t> taken;
   for (const auto& [photo, view] : view_of) taken.insert(photo);
   for (const size_t i : others) {
-    std::vector<size_t> meant = index.FindAlike(PathOf(model, i));
+    std::vector<size_t> meant = index.FindAlike(model.PathOf(i));
     std::erase_if(meant, [&](size_t photo) { return taken.contains(photo); });
     if (meant.empty()) continue;
     if (meant.size() > 1) {
       return InvalidInput("CAMERA_AMBIGUOUS", "cameras",
-                          absl::StrCat("cameras: ", NameInMessage(PathOf(model, i)), " may be ",
+                          absl::StrCat("cameras: ", NameInMessage(model.PathOf(i)), " may be ",
                                        photos[meant[0]], " or ", photos[meant[1]],
                                        "; name photos with their endings, or rename one"));
     }
@@ -224,6 +220,16 @@ absl::StatusOr<int> FitToPhoto(const std::string& name, const ImageInfo& photo, 
   return turns;
 }
 
+absl::Status NoMatchingCameras(size_t photos, std::string_view photo, std::string_view path) {
+  return InvalidInput(
+      "NO_MATCHING_CAMERAS", "cameras",
+      absl::StrCat(
+          "cameras: none of the ", photos,
+          " photos has a camera; the paths of the cameras' photos must end in the names of "
+          "yours, as ",
+          NameInMessage(photo), ", and one is ", NameInMessage(path)));
+}
+
 absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              const std::vector<std::string>& photos,
                                              std::vector<std::string>* notes,
@@ -249,16 +255,9 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
   for (const std::string& name : sure) {
     if (const auto found = index.Find(name)) unsized.erase(photos[*found]);
   }
-  const std::string some_camera = given.views[0].name;
+  const std::string some_camera = given.PathOf(0);
   LITAGS_ASSIGN_OR_RETURN(SparseModel model, MatchPhotos(std::move(given), photos, panoramas));
-  if (model.views.empty()) {
-    return InvalidInput(
-        "NO_MATCHING_CAMERAS", "cameras",
-        absl::StrCat("cameras: none of the ", photos.size(),
-                     " photos has a camera; file_path must end in the photos' names, as ",
-                     NameInMessage(photos[0]), ", and is ", NameInMessage(some_camera),
-                     " for one"));
-  }
+  if (model.views.empty()) return NoMatchingCameras(photos.size(), photos[0], some_camera);
   LITAGS_RETURN_IF_ERROR(FitToPhotos(input, unsized, panoramas, &model, notes));
   return model;
 }

@@ -2,13 +2,15 @@
 #ifndef LITAGS_ENGINE_PIPELINE_GIVEN_CAMERAS_H_
 #define LITAGS_ENGINE_PIPELINE_GIVEN_CAMERAS_H_
 
+#include <cstddef>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/io/image_io.h"
 #include "engine/io/sparse_model.h"
-#include "engine/io/transforms_io.h"
 #include "engine/pipeline/engine.h"
 
 namespace litags {
@@ -26,6 +28,9 @@ absl::StatusOr<SparseModel> ReadGivenCameras(const ReconstructInput& input,
                                              const std::vector<std::string>& photos,
                                              std::vector<std::string>* notes,
                                              PanoramaNames* panoramas = nullptr);
+
+// The error NO_MATCHING_CAMERAS. `photo`: one of the `photos`; `path`: of one that has a camera.
+absl::Status NoMatchingCameras(size_t photos, std::string_view photo, std::string_view path);
 
 // Whether the camera's picture has the shape of one of this size, to 2 %.
 bool SameShape(const Camera& camera, int width, int height);

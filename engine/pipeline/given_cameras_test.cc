@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/error_test_util.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"

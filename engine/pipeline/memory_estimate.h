@@ -11,7 +11,7 @@
 #include "absl/types/span.h"
 #include "engine/pipeline/engine.h"
 #include "engine/pipeline/options.h"
-#include "engine/pipeline/photo_screen.h"
+#include "engine/pipeline/photo_look.h"
 
 namespace litags {
 

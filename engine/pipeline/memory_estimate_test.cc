@@ -11,7 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
 #include "engine/core/sandbox.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/capture_test_util.h"

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "engine/core/color.h"
 #include "engine/core/error.h"
 #include "engine/export/formats.h"
@@ -154,6 +153,10 @@ class ModelScene : public Scene {
                        "export the standard .ply");
     }
     return WritePly(path, model_.splats, /*lita_attributes=*/true, model_.origin);
+  }
+
+  absl::Status Save(const std::string& path) const override {
+    return SaveScene(path, model_, local_views_);
   }
 
  private:

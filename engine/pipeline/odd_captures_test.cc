@@ -11,11 +11,11 @@
 #include <csignal>
 #include <filesystem>
 #include <string>
-#include <vector>
 
-#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "engine/core/rng.h"
 #include "engine/io/file_util.h"
+#include "engine/io/image_io.h"
 #include "engine/io/ply.h"
 #include "engine/pipeline/capture_test_util.h"
 

@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <numeric>
@@ -9,7 +8,6 @@
 #include "engine/core/error.h"
 #include "engine/core/fields_test_util.h"
 #include "engine/pipeline/capture_targets.h"
-#include "engine/pipeline/engine.h"
 
 namespace litags {
 namespace {

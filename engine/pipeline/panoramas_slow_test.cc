@@ -13,11 +13,11 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
+#include "engine/core/image.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/cameras_io.h"
-#include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/sparse_model.h"
-#include "engine/io/test_util.h"
 #include "engine/io/transforms_io.h"
 #include "engine/io/wide_lens.h"
 #include "engine/pipeline/engine.h"

@@ -9,9 +9,9 @@
 #include <set>
 #include <string>
 
+#include "engine/core/image.h"
 #include "engine/core/rng.h"
-#include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/pipeline/photo_screen.h"
 
 namespace litags {

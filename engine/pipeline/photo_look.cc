@@ -50,8 +50,7 @@ Planes SmallLuma(const Photo& photo) {
   Planes luma(1, small.height, small.width);
   for (size_t i = 0; i < small.pixels(); ++i) {
     const int16_t* p = &small.data[3 * i];
-    luma.data[i] =
-        kLumaRed * EncodedOf(p[0]) + kLumaGreen * EncodedOf(p[1]) + kLumaBlue * EncodedOf(p[2]);
+    luma.data[i] = Luma(EncodedOf(p[0]), EncodedOf(p[1]), EncodedOf(p[2]));
   }
   return luma;
 }

@@ -10,7 +10,6 @@
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "engine/core/cancel.h"
-#include "engine/core/color.h"
 #include "engine/io/mask_io.h"
 #include "engine/pipeline/cut_input.h"
 #include "engine/pipeline/photo_look.h"

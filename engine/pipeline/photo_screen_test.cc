@@ -12,6 +12,7 @@
 #include <thread>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/core/rng.h"
@@ -19,6 +20,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/png_codes.h"
+#include "engine/io/test_util.h"
 #include "engine/io/transforms_io.h"
 #include "engine/pipeline/capture_test_util.h"
 #include "engine/pipeline/photo_progress.h"

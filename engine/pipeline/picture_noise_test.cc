@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "engine/core/rng.h"
+#include "engine/io/test_util.h"
 #include "engine/pipeline/capture_test_util.h"
 #include "engine/pipeline/train_set.h"
 

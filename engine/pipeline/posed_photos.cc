@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
 #include <optional>
 #include <set>
 #include <string>
@@ -292,9 +291,7 @@ std::vector<ScreenedPhoto> WithCamera(std::vector<ScreenedPhoto> photos, const S
 
 // They count for nothing but what they see (SceneExtent, FrameOfViews, LocalOrigin).
 void NoteFarCameras(const Context& context, const std::vector<View>& views) {
-  std::vector<std::array<double, 3>> places;
-  for (const View& view : views) places.push_back(view.camera.Center());
-  const std::vector<bool> far = FarPlaces(places);
+  const std::vector<bool> far = FarCameras(views);
   for (size_t i = 0; i < views.size(); ++i) {
     if (!far[i]) continue;
     context.Note(absl::StrCat("the camera of ", views[i].name,

@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <string>
 
+#include "engine/core/error_test_util.h"
+#include "engine/io/test_util.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
 namespace litags {

@@ -16,7 +16,10 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "engine/core/error_test_util.h"
+#include "engine/io/image_io.h"
 #include "engine/io/ply.h"
+#include "engine/io/test_util.h"
 #include "engine/pipeline/capture_targets.h"
 #include "engine/pipeline/posed_photos.h"
 #include "engine/pipeline/reconstruct_test_util.h"

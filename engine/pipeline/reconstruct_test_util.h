@@ -11,9 +11,10 @@
 #include <utility>
 #include <vector>
 
+#include "engine/core/photo.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/colmap_io.h"
-#include "engine/io/file_util.h"
-#include "engine/io/image_io.h"
+#include "engine/io/picture_io.h"
 #include "engine/io/test_util.h"
 #include "engine/pipeline/engine.h"
 #include "engine/train/train_test_util.h"
@@ -117,12 +118,6 @@ inline absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput& inp
                                                      const ReconstructOptions& options) {
   Recorder recorder;
   return MakeEngine(kNoColmap)->Reconstruct(input, options, CancelToken(), &recorder);
-}
-
-inline std::string Bytes(const std::string& path) {
-  const auto bytes = ReadFile(path, "", int64_t{1} << 28);
-  EXPECT_TRUE(bytes.ok()) << bytes.status();
-  return bytes.value_or("");
 }
 
 inline std::string SceneBytes(const ReconstructInput& input) {

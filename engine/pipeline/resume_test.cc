@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <opencv2/core/utility.hpp>
 #include <string>
@@ -13,6 +12,8 @@
 #include "engine/core/rng.h"
 #include "engine/core/simd_target.h"
 #include "engine/core/simd_test_util.h"
+#include "engine/io/image_io.h"
+#include "engine/io/test_util.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
 namespace litags {

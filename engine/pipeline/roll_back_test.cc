@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
 #include "engine/io/depth_io.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 

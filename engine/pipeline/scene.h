@@ -75,6 +75,8 @@ class Scene {
   }
   // The Gaussians as they are, every LITA attribute as extra properties.
   virtual absl::Status ExportFullPly(const std::string& path) const = 0;
+  // The scene as it is, for LoadScene().
+  virtual absl::Status Save(const std::string& path) const = 0;
 };
 
 }  // namespace litags

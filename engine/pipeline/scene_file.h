@@ -10,7 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/camera.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/scene.h"
 #include "engine/train/model.h"
 
 namespace litags {

@@ -8,10 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/container.h"
 #include "engine/io/file_util.h"
 #include "engine/io/ply.h"
 #include "engine/io/test_util.h"
+#include "engine/pipeline/model_scene.h"
 #include "engine/pipeline/scene_test_util.h"
 
 namespace litags {
@@ -79,6 +82,17 @@ TEST(SceneFile, SavingTwiceGivesTheSameBytes) {
   const TempDir dir;
   ASSERT_TRUE(SaveScene(dir / "a.litags", SmallModel(), RingViews(3)).ok());
   ASSERT_TRUE(SaveScene(dir / "b.litags", SmallModel(), RingViews(3)).ok());
+  EXPECT_TRUE(Bytes(dir / "a.litags") == Bytes(dir / "b.litags"));
+}
+
+TEST(SceneFile, ASceneThatWasLoadedIsSavedAsItWas) {
+  const TempDir dir;
+  Model model = SmallModel();
+  model.origin = {1000, 2000, 3000};
+  ASSERT_TRUE(SaveScene(dir / "a.litags", model, RingViews(3)).ok());
+  const auto scene = LoadSceneFile(dir / "a.litags");
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  ASSERT_TRUE((*scene)->Save(dir / "b.litags").ok());
   EXPECT_TRUE(Bytes(dir / "a.litags") == Bytes(dir / "b.litags"));
 }
 

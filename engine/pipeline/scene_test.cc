@@ -3,11 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <string>
 #include <utility>
-#include <vector>
 
 #include "engine/core/color.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/ply.h"
 #include "engine/io/test_util.h"
 #include "engine/pipeline/scene_test_util.h"

@@ -7,8 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "engine/io/file_util.h"
-#include "engine/pipeline/model_scene.h"
+#include "engine/io/test_util.h"
+#include "engine/pipeline/scene.h"
+#include "engine/train/model.h"
 #include "engine/train/train_test_util.h"
 
 namespace litags {
@@ -48,12 +49,6 @@ inline std::vector<View> RingViews(int count) {
     views.push_back({"photo" + std::to_string(i) + ".png", RingCamera(i, count, kWidth, kHeight)});
   }
   return views;
-}
-
-inline std::string Bytes(const std::string& path) {
-  const auto bytes = ReadFile(path, "", int64_t{1} << 24);
-  EXPECT_TRUE(bytes.ok()) << bytes.status();
-  return bytes.value_or("");
 }
 
 inline std::string FullPly(const Scene& scene, const std::string& path) {

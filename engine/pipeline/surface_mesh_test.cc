@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/export/formats.h"
 #include "engine/io/test_util.h"
 #include "engine/pipeline/wall_test_util.h"

@@ -6,6 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/test_util.h"
 #include "engine/pipeline/wall_test_util.h"
 

@@ -9,7 +9,7 @@
 
 #include "absl/status/statusor.h"
 #include "engine/core/code_curve.h"
-#include "engine/denoise/noise_filter.h"
+#include "engine/core/noise_curve.h"
 #include "engine/io/sparse_model.h"
 #include "engine/pipeline/context.h"
 #include "engine/train/noise.h"

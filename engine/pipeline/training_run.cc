@@ -11,7 +11,7 @@
 #include "engine/core/error.h"
 #include "engine/core/monotonic_seconds.h"
 #include "engine/core/simd_target.h"
-#include "engine/io/image_io.h"
+#include "engine/io/picture_io.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/train/camera_pose.h"
 #include "engine/train/fit_camera.h"

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine/core/parallel.h"
+#include "engine/core/splats.h"
 #include "engine/render/constants.h"
 
 namespace litags {
@@ -48,7 +49,7 @@ void Dilatable(double p, PixelFilter trained, double added, size_t i, Splats* sp
   float& logit = splats->at(i, kLogitOpacity);
   const double opacity =
       std::clamp(1 / ((1 + std::exp(-logit)) * std::sqrt(growth[0] * growth[1])), 1e-7, 1 - 1e-7);
-  logit = static_cast<float>(std::log(opacity / (1 - opacity)));
+  logit = LogitOf(opacity);
 }
 
 }  // namespace

@@ -5,15 +5,15 @@
 #include <utility>
 #include <vector>
 
+#include "engine/core/image.h"
 #include "engine/core/rng.h"
-#include "engine/export/formats.h"
+#include "engine/core/temp_dir_test_util.h"
+#include "engine/export/export_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/ply.h"
-#include "engine/io/test_util.h"
 #include "engine/pipeline/export_scene.h"
 #include "engine/pipeline/model_scene.h"
 #include "engine/render/constants.h"
-#include "engine/render/renderer.h"
 #include "gtest/gtest.h"
 
 namespace litags {
@@ -56,21 +56,6 @@ Splats Disks(size_t n, double px) {
   return splats;
 }
 
-std::vector<float> Picture(const Splats& splats, const Camera& camera, PixelFilter filter) {
-  RenderSettings settings;
-  settings.num_channels = kColorOnly;
-  settings.pixel_filter = filter;
-  Planes image, alpha;
-  Renderer().Forward(splats, camera, settings, &image, &alpha);
-  return image.data;
-}
-
-double Difference(const std::vector<float>& a, const std::vector<float>& b) {
-  double sum = 0;
-  for (size_t i = 0; i < a.size(); ++i) sum += std::pow(double{a[i]} - b[i], 2);
-  return std::sqrt(sum / a.size());
-}
-
 TEST(SplatsForViewers, DilatedLookMuchAsTheyDidWithTheMipFilter) {
   std::vector<View> views = FrontViews();
   const struct {
@@ -83,7 +68,7 @@ TEST(SplatsForViewers, DilatedLookMuchAsTheyDidWithTheMipFilter) {
     const Splats splats = Disks(600, c.px);
     const Splats exported = SplatsForViewers(views, PixelFilter::kMip, kEps2d, splats);
     for (const View& view : views) {
-      const std::vector<float> want = Picture(splats, view.camera, PixelFilter::kMip);
+      const Planes want = Picture(splats, view.camera, PixelFilter::kMip);
       const double before = Difference(Picture(splats, view.camera, PixelFilter::kDilate), want);
       const double after = Difference(Picture(exported, view.camera, PixelFilter::kDilate), want);
       EXPECT_LT(c.least * after, before) << c.px << " px, view " << view.name;

@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "engine/pipeline/scene_test_util.h"
+#include "engine/export/export_request.h"
+#include "engine/pipeline/model_scene.h"
 
 namespace litags {
 

@@ -8,7 +8,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
-#include "engine/core/limits.h"
 #include "engine/core/parallel.h"
 #include "engine/io/alpha_mask.h"
 #include "engine/io/colmap_io.h"

@@ -13,14 +13,15 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/image.h"
 #include "engine/core/rng.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/cameras_io.h"
+#include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
 #include "engine/io/png_codes.h"
-#include "engine/io/sparse_model.h"
-#include "engine/io/test_util.h"
 #include "engine/pipeline/photo_look.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/wide_photos.h"
@@ -259,14 +260,7 @@ TEST_F(WideViews, OfAPanoramaThatAMaskHidesNearlyAllOfAreNotMade) {
                           HasSubstr("2 photos are panoramas")));
 }
 
-// What phones write of a strip around the horizon.
-std::string WithMetadata(const std::string& jpeg, const std::string& text) {
-  const std::string payload = std::string("http://ns.adobe.com/xap/1.0/\0", 29) + text;
-  const size_t length = payload.size() + 2;
-  return jpeg.substr(0, 2) + "\xFF\xE1" + static_cast<char>(length >> 8) +
-         static_cast<char>(length & 0xFF) + payload + jpeg.substr(2);
-}
-
+// As phones write of a strip around the horizon.
 TEST_F(WideViews, OfAPartOfAPanoramaHideWhatItDoesNotShow) {
   const ImageU8 all = Around(256);
   ImageU8 strip(256, 32);
@@ -276,7 +270,7 @@ TEST_F(WideViews, OfAPartOfAPanoramaHideWhatItDoesNotShow) {
       "GPano:FullPanoHeightPixels=\"128\" GPano:CroppedAreaImageWidthPixels=\"256\" "
       "GPano:CroppedAreaImageHeightPixels=\"32\" GPano:CroppedAreaLeftPixels=\"0\" "
       "GPano:CroppedAreaTopPixels=\"48\"";
-  const std::string jpeg = WithMetadata(EncodeJpeg(strip).value(), part);
+  const std::string jpeg = WithJpegXmp(EncodeJpeg(strip).value(), part);
   ASSERT_TRUE(WriteFileAtomically(dir_ / "photos/s.jpg", jpeg).ok());
   const auto cut = Cut();
   ASSERT_TRUE(cut.ok()) << cut.status();
@@ -298,7 +292,7 @@ TEST_F(WideViews, ASmallPartOfAPanoramaStaysAPhoto) {
       "GPano:FullPanoHeightPixels=\"1600\" GPano:CroppedAreaImageWidthPixels=\"200\" "
       "GPano:CroppedAreaImageHeightPixels=\"100\" GPano:CroppedAreaLeftPixels=\"1500\" "
       "GPano:CroppedAreaTopPixels=\"750\"";
-  const std::string jpeg = WithMetadata(EncodeJpeg(ImageU8(200, 100)).value(), part);
+  const std::string jpeg = WithJpegXmp(EncodeJpeg(ImageU8(200, 100)).value(), part);
   ASSERT_TRUE(WriteFileAtomically(dir_ / "photos/s.jpg", jpeg).ok());
   const auto cut = Cut();
   ASSERT_TRUE(cut.ok()) << cut.status();

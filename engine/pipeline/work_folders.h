@@ -5,7 +5,6 @@
 
 #include <dirent.h>
 
-#include <filesystem>
 #include <memory>
 #include <string>
 

@@ -5,7 +5,8 @@
 
 #include <filesystem>
 
-#include "engine/io/test_util.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/pipeline/capture_test_util.h"
 
 namespace litags {

@@ -2,7 +2,6 @@
 #ifndef LITAGS_ENGINE_RENDER_PROJECTION_H_
 #define LITAGS_ENGINE_RENDER_PROJECTION_H_
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>

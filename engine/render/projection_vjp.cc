@@ -1,8 +1,5 @@
 #include "engine/render/projection.h"
 
-#include <algorithm>
-#include <cmath>
-
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "engine/render/projection_vjp.cc"
 #include "hwy/foreach_target.h"  // IWYU pragma: keep

@@ -123,11 +123,10 @@ HWY_INLINE void AddGaussian(const float* record, V x, V y, V w, const Step& step
 
 // LITA-GS Eq. 8: sum of p alpha G2D times the product of 1 - alpha G2D before.
 // Composites the Gaussians of `reach` over a block, front to back. Returns those that came before
-// the block was opaque, and whether it is now. Adds the pixels that they changed to *useful, if
-// that is to be counted.
-template <int C, bool kCountUseful>
+// the block was opaque, and whether it is now.
+template <int C>
 HWY_INLINE uint64_t CompositeBlock(const float* const* records, uint64_t reach, V x, V y,
-                                   BlockState<C>* state, bool* opaque, int64_t* useful) {
+                                   BlockState<C>* state, bool* opaque) {
   const D d;
   HWY_ALIGN float alphas[kBatch * kLanes];
   const float* entries[kBatch];
@@ -155,7 +154,6 @@ HWY_INLINE uint64_t CompositeBlock(const float* const* records, uint64_t reach, 
       const Step step = Advance(alpha, &product);
       const V w = hn::Mul(alpha, hn::IfThenElseZero(step.counts, step.before));
       T = hn::IfThenElse(step.counts, product, T);
-      if constexpr (kCountUseful) *useful += hn::CountTrue(d, hn::Gt(w, hn::Zero(d)));
       AddGaussian<C>(record, x, y, w, step, product, acc);
       batch &= batch - 1;
       if (hn::AllFalse(d, step.counts)) {
@@ -219,8 +217,8 @@ HWY_INLINE void FinishBlock(const TileJob& job, int block, BlockState<C>* state,
   });
 }
 
-template <int C, bool kCountUseful = false>
-TileEvaluations Forward(const TileJob& job, float* image, float* alpha) {
+template <int C>
+int64_t Forward(const TileJob& job, float* image, float* alpha) {
   const D d;
   const PixelGrid grid(job);
   BlockState<C> states[kBlocks] = {};
@@ -234,7 +232,7 @@ TileEvaluations Forward(const TileJob& job, float* image, float* alpha) {
 
   constexpr size_t kStride = RecordStride(C);
   Chunk chunk;
-  TileEvaluations evaluations;
+  int64_t evaluations = 0;
   for (size_t begin = 0; begin < job.count; begin += kChunk) {
     uint64_t* reach = job.reach + begin / kChunk * kMaxTileBlocks;
     if (alive == 0) {
@@ -251,10 +249,9 @@ TileEvaluations Forward(const TileJob& job, float* image, float* alpha) {
       if ((alive >> block & 1) == 0) reach[block] = 0;
       if (reach[block] == 0) continue;
       bool opaque;
-      reach[block] =
-          CompositeBlock<C, kCountUseful>(chunk.records, reach[block], grid.X(block), grid.Y(block),
-                                          &states[block], &opaque, &evaluations.useful);
-      evaluations.all += std::popcount(reach[block]) * kLanes;
+      reach[block] = CompositeBlock<C>(chunk.records, reach[block], grid.X(block), grid.Y(block),
+                                       &states[block], &opaque);
+      evaluations += std::popcount(reach[block]) * kLanes;
       if (opaque) alive &= ~(uint64_t{1} << block);
     }
   }
@@ -264,7 +261,7 @@ TileEvaluations Forward(const TileJob& job, float* image, float* alpha) {
   return evaluations;
 }
 
-TileEvaluations RasterizeTileImpl(const TileJob& job, float* image, float* alpha) {
+int64_t RasterizeTileImpl(const TileJob& job, float* image, float* alpha) {
   switch (job.channels) {
     case kDepthOnly:
       return Forward<kDepthOnly>(job, image, alpha);
@@ -275,8 +272,7 @@ TileEvaluations RasterizeTileImpl(const TileJob& job, float* image, float* alpha
     case kWithoutNoise:
       return Forward<kWithoutNoise>(job, image, alpha);
     default:
-      return job.count_useful ? Forward<kNumChannels, true>(job, image, alpha)
-                              : Forward<kNumChannels>(job, image, alpha);
+      return Forward<kNumChannels>(job, image, alpha);
   }
 }
 
@@ -289,7 +285,7 @@ namespace litags {
 
 HWY_EXPORT(RasterizeTileImpl);
 
-TileEvaluations RasterizeTile(const TileJob& job, float* image, float* alpha) {
+int64_t RasterizeTile(const TileJob& job, float* image, float* alpha) {
   return HWY_DYNAMIC_DISPATCH(RasterizeTileImpl)(job, image, alpha);
 }
 

@@ -9,8 +9,6 @@
 #include <vector>
 
 #include "engine/core/aligned.h"
-#include "engine/render/projection.h"
-#include "engine/render/renderer.h"
 
 namespace litags {
 
@@ -30,18 +28,12 @@ struct TileJob {
   // of the list reaches block b before the block is opaque. Written by the forward pass, read by
   // the backward pass.
   uint64_t* reach = nullptr;
-  bool count_useful = false;  // of 11 channels only
-};
-
-// Alpha evaluations of a tile, pixels (lanes counted one by one).
-struct TileEvaluations {
-  int64_t all = 0;
-  int64_t useful = 0;  // those that changed a pixel; 0 unless asked for
 };
 
 // LITA-GS Eq. 8: the sum over Gaussians, all channels together.
-// Writes the tile's pixels of image [kept channels, H, W] and alpha [H, W].
-TileEvaluations RasterizeTile(const TileJob& job, float* image, float* alpha);
+// Writes the tile's pixels of image [kept channels, H, W] and alpha [H, W]. Returns the evaluations
+// of alpha, pixels (lanes counted one by one).
+int64_t RasterizeTile(const TileJob& job, float* image, float* alpha);
 
 // Buffers of RasterizeTileVjp, kept to save allocations; one per thread.
 struct TileScratch {

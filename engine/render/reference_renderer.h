@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "engine/core/camera.h"
-#include "engine/core/image.h"
 #include "engine/core/splats.h"
 #include "engine/render/renderer.h"
 

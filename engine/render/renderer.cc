@@ -36,7 +36,7 @@ struct Renderer::Impl {
   std::vector<uint64_t> reach;  // see TileJob; tiles one after the other
   AlignedFloats pair_grads;     // [pairs][GradStride]
   std::vector<TileScratch> tile_scratch;
-  std::vector<TileEvaluations> tile_evaluations;
+  std::vector<int64_t> tile_evaluations;
   ViewStats stats;
   std::vector<PoseVector> block_pose_grads;  // if wanted
   PoseVector pose_grad = {};
@@ -56,7 +56,6 @@ struct Renderer::Impl {
     job.gaussians = lists.gaussians.data() + begin;
     job.records = projected.records.data();
     job.background = settings.background.data();
-    job.count_useful = settings.count_useful;
     // The part of tiles before this one is no longer than this.
     job.reach = reach.data() + (begin / kChunk + tile) * kMaxTileBlocks;
     return job;
@@ -136,10 +135,7 @@ void Renderer::Impl::DrawPart(const TileRect& part, const CancelToken* cancel, f
   counters.visible += static_cast<int64_t>(lists.num_visible);
   counters.tile_pairs += pairs;
   counters.most_pairs = std::max(counters.most_pairs, pairs);
-  for (const TileEvaluations& n : tile_evaluations) {
-    counters.evaluations += n.all;
-    counters.useful += n.useful;
-  }
+  for (const int64_t n : tile_evaluations) counters.evaluations += n;
 }
 
 void Renderer::Impl::BackwardBlock(const Splats& splats, size_t block, BlockGradSink sink) {

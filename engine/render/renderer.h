@@ -65,7 +65,6 @@ struct RenderSettings {
   float near_plane = 0.2f;              // scene units; Gaussians at or before it are dropped (3DGS)
   int threads = 0;                      // <= 0: all cores
   const CancelToken* cancel = nullptr;  // once raised, Forward leaves the picture unfinished
-  bool count_useful = false;            // whether Forward of 11 channels fills Counters::useful
   // For pictures alone; no Backward follows these two:
   size_t max_pairs = 0;  // draws parts of about as many (Gaussian, tile) pairs, one after the
                          // other; 0: all at once, which takes 44 bytes a pair
@@ -136,7 +135,6 @@ class Renderer {
     int64_t tile_pairs = 0;   // entries of the tile lists
     int64_t most_pairs = 0;   // of one part
     int64_t evaluations = 0;  // alpha evaluations, pixels (lanes counted one by one)
-    int64_t useful = 0;       // of these, with an alpha of 1/255 or more, on a pixel not opaque
   };
   Counters counters() const;
 

@@ -7,7 +7,6 @@
 #include <numeric>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "engine/core/rng.h"
 #include "engine/core/simd_test_util.h"
@@ -321,24 +320,6 @@ TEST(Renderer, DropoutLeavesOutItsShareAndOthersEachTime) {
   EXPECT_NEAR(both / (16.0 * kBlocks), 0.09, 0.004);
   dropout.share = 0;
   EXPECT_EQ(dropout.LeftOut(3), 0u);
-}
-
-TEST(Renderer, UsefulEvaluationsAreThoseThatWereComposited) {
-  ForEachTarget([] {
-    const Splats splats = MakeSplats(150, 7);
-    const Camera camera = MakeCamera(61, 43);
-    RenderSettings settings;
-    const ReferenceImage want = RenderReference(ToDoubles(splats), camera, settings);
-    settings.count_useful = true;
-    Renderer renderer;
-    Planes image, alpha;
-    renderer.Forward(splats, camera, settings, &image, &alpha);
-    const Renderer::Counters counters = renderer.counters();
-    const auto fragile = std::count(want.fragile.begin(), want.fragile.end(), 1);
-    EXPECT_NEAR(counters.useful, want.contributions, fragile);
-    EXPECT_GT(counters.useful, 0);
-    EXPECT_LE(counters.useful, counters.evaluations);
-  });
 }
 
 TEST(Renderer, FewerChannelsAreTheSameBytesAsInAWholeRender) {

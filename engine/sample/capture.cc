@@ -15,7 +15,6 @@
 #include "engine/core/rng.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
-#include "engine/io/image_io.h"
 #include "engine/io/png_codes.h"
 #include "engine/io/transforms_io.h"
 #include "engine/sample/exposure.h"

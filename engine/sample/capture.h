@@ -3,7 +3,6 @@
 #ifndef LITAGS_ENGINE_SAMPLE_CAPTURE_H_
 #define LITAGS_ENGINE_SAMPLE_CAPTURE_H_
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <string>

@@ -13,6 +13,7 @@
 #include <string>
 
 #include "engine/core/error.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"

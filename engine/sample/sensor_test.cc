@@ -1,6 +1,5 @@
 #include "engine/sample/sensor.h"
 
-#include <cmath>
 #include <utility>
 
 #include "engine/core/color.h"

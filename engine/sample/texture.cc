@@ -5,7 +5,6 @@
 #include <numbers>
 
 #include "engine/core/color.h"
-#include "engine/sample/sensor.h"
 
 namespace litags::sample {
 namespace {

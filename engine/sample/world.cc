@@ -1,8 +1,6 @@
 #include "engine/sample/world.h"
 
-#include <cstdint>
 #include <limits>
-#include <numeric>
 #include <utility>
 
 #include "engine/core/check.h"

@@ -3,7 +3,6 @@
 #include <sqlite3.h>
 
 #include <algorithm>
-#include <array>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
@@ -101,14 +100,13 @@ absl::StatusOr<std::vector<DatabaseImage>> ReadDatabaseImages(const std::string&
   }
 }
 
-absl::StatusOr<std::vector<VerifiedPair>> ReadVerifiedPairs(const std::string& path,
-                                                            int min_inliers) {
+absl::StatusOr<std::vector<VerifiedPair>> ReadVerifiedPairs(const std::string& path) {
   Database db(path);
   LITAGS_RETURN_IF_ERROR(db.Open(SQLITE_OPEN_READONLY));
   LITAGS_ASSIGN_OR_RETURN(
       const Statement statement,
       db.Prepare("SELECT pair_id, config FROM two_view_geometries WHERE rows >= ?"));
-  sqlite3_bind_int(statement.get(), 1, min_inliers);
+  sqlite3_bind_int(statement.get(), 1, kMinInliers);
   std::vector<VerifiedPair> pairs;
   while (true) {
     LITAGS_ASSIGN_OR_RETURN(const bool row, db.Step(statement));
@@ -176,11 +174,10 @@ absl::StatusOr<std::vector<ImageMatches>> ReadMatches(const std::string& path) {
   return SelectMatches(path, "SELECT pair_id, data FROM matches WHERE rows > 0 ORDER BY pair_id");
 }
 
-absl::StatusOr<std::vector<ImageMatches>> ReadVerifiedMatches(const std::string& path,
-                                                              int min_inliers) {
+absl::StatusOr<std::vector<ImageMatches>> ReadVerifiedMatches(const std::string& path) {
   return SelectMatches(path, absl::StrCat("SELECT pair_id, data FROM two_view_geometries WHERE "
                                           "rows >= ",
-                                          min_inliers, " ORDER BY pair_id"));
+                                          kMinInliers, " ORDER BY pair_id"));
 }
 
 absl::Status WriteMatches(const std::string& path, const std::vector<ImageMatches>& pairs) {

@@ -35,9 +35,8 @@ struct ImageMatches {
 // In id order. INTERNAL COLMAP_DATABASE if the file is not a COLMAP 3.8 database.
 absl::StatusOr<std::vector<DatabaseImage>> ReadDatabaseImages(const std::string& path);
 
-// Pairs with at least `min_inliers` verified matches.
-absl::StatusOr<std::vector<VerifiedPair>> ReadVerifiedPairs(const std::string& path,
-                                                            int min_inliers);
+// Pairs with at least kMinInliers verified matches.
+absl::StatusOr<std::vector<VerifiedPair>> ReadVerifiedPairs(const std::string& path);
 
 // Descriptors [features, 128] of each image; none for an image without features. INTERNAL
 // COLMAP_DATABASE if they are damaged or not as many as the image has keypoints.
@@ -47,9 +46,8 @@ absl::StatusOr<std::vector<std::vector<uint8_t>>> ReadDescriptors(
 // All stored matches that are not empty, by ascending ids.
 absl::StatusOr<std::vector<ImageMatches>> ReadMatches(const std::string& path);
 
-// Of pairs with at least `min_inliers` verified matches, these; otherwise as ReadMatches.
-absl::StatusOr<std::vector<ImageMatches>> ReadVerifiedMatches(const std::string& path,
-                                                              int min_inliers);
+// Of pairs with at least kMinInliers verified matches, these; otherwise as ReadMatches.
+absl::StatusOr<std::vector<ImageMatches>> ReadVerifiedMatches(const std::string& path);
 
 // Stores the matches of these pairs in place of all that were there.
 absl::Status WriteMatches(const std::string& path, const std::vector<ImageMatches>& pairs);

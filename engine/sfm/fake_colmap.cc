@@ -14,7 +14,7 @@
 #include "engine/core/check.h"
 #include "engine/core/image.h"
 #include "engine/io/colmap_io.h"
-#include "engine/io/image_io.h"
+#include "engine/io/picture_io.h"
 #include "engine/sfm/walk_test_util.h"
 
 namespace litags {

@@ -11,9 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "engine/core/parallel.h"
-#include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
+#include "engine/core/image.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/sample/exposure.h"
 #include "engine/sample/tracer.h"
 #include "engine/sample/world.h"

@@ -1,6 +1,5 @@
 // Our matches beside those of COLMAP's own matcher, on a rendered capture.
 #include <sqlite3.h>
-#include <stdlib.h>
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <string>
 
 #include "engine/core/subprocess.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/sample/capture.h"
 #include "engine/sfm/colmap.h"
 #include "engine/sfm/colmap_database.h"
@@ -29,12 +29,6 @@ void IgnoreProgress(double) {}
 
 bool IsBefore(const FeatureMatch& a, const FeatureMatch& b) { return a.index1 < b.index1; }
 
-std::string MakeTemporaryFolder() {
-  std::string dir = (fs::temp_directory_path() / "litags_match_XXXXXX").string();
-  EXPECT_NE(mkdtemp(dir.data()), nullptr);
-  return dir;
-}
-
 class MatchingBesideColmap : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -55,8 +49,6 @@ class MatchingBesideColmap : public ::testing::Test {
     for (const PhotoFile& photo : *photos) names.push_back(photo.copy_name);
     ASSERT_TRUE(NumberImages(colmap_.database_path(), names).ok());
   }
-  void TearDown() override { fs::remove_all(dir_); }
-
   // Of all pairs, by id; empty where none are stored.
   std::vector<Matches> Stored(const std::string& database) const {
     const auto stored = ReadMatches(database);
@@ -99,7 +91,8 @@ class MatchingBesideColmap : public ::testing::Test {
     return matches;
   }
 
-  const std::string dir_ = MakeTemporaryFolder();
+  const TempDir temp_;
+  const std::string dir_ = temp_.path();
   const SfmOptions options_;
   const CancelToken cancel_;
   Colmap colmap_{options_, dir_, cancel_};
@@ -177,7 +170,7 @@ TEST_F(MatchingBesideColmap, IsExactAndVerifiedAsWeWroteIt) {
   const auto seconds = colmap_.Verify(*names, IgnoreProgress);
   ASSERT_TRUE(seconds.ok()) << seconds.status();
   EXPECT_TRUE(Stored(colmap_.database_path()) == ours);  // COLMAP did not match anew
-  const auto verified = ReadVerifiedPairs(colmap_.database_path(), kMinInliers);
+  const auto verified = ReadVerifiedPairs(colmap_.database_path());
   ASSERT_TRUE(verified.ok()) << verified.status();
   EXPECT_GE(verified->size(), kViews - 1u);
 }

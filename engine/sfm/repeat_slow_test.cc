@@ -1,13 +1,11 @@
 // The real COLMAP twice, with one thread and with two: the same bits.
-#include <stdlib.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <string>
 #include <vector>
 
 #include "engine/core/rng.h"
-#include "engine/io/image_io.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/sample/capture.h"
 #include "engine/sfm/colmap.h"
 #include "engine/sfm/colmap_database.h"
@@ -19,12 +17,6 @@ namespace litags {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string MakeTemporaryFolder() {
-  std::string dir = (fs::temp_directory_path() / "litags_repeat_XXXXXX").string();
-  EXPECT_NE(mkdtemp(dir.data()), nullptr);
-  return dir;
-}
 
 void ExpectSameBits(const SparseModel& a, const SparseModel& b) {
   ASSERT_EQ(a.views.size(), b.views.size());
@@ -53,8 +45,6 @@ void ExpectSameBits(const SparseModel& a, const SparseModel& b) {
 
 class Repeat : public ::testing::Test {
  protected:
-  void TearDown() override { fs::remove_all(dir_); }
-
   void WriteCapture() {
     capture_.views = 10;
     capture_.antialias = 2;
@@ -69,7 +59,8 @@ class Repeat : public ::testing::Test {
     return options;
   }
 
-  const std::string dir_ = MakeTemporaryFolder();
+  const TempDir temp_;
+  const std::string dir_ = temp_.path();
   sample::CaptureOptions capture_;
   const CancelToken cancel_;
 };

@@ -157,7 +157,7 @@ absl::StatusOr<bool> CameraTurned(const RungInput& in, const std::string& databa
       std::count_if(pairs.begin(), pairs.end(), [](const VerifiedPair& p) { return p.flat; });
   const double all = static_cast<double>(pairs.size());
   if (pairs.empty() || static_cast<double>(flat) < kFlat * all) return false;
-  LITAGS_ASSIGN_OR_RETURN(const auto matches, ReadVerifiedMatches(database, kMinInliers));
+  LITAGS_ASSIGN_OR_RETURN(const auto matches, ReadVerifiedMatches(database));
   LITAGS_ASSIGN_OR_RETURN(const auto keypoints, ReadKeypoints(database, images));
   int longer_side = 0;
   for (const PhotoFile& photo : in.photos) {
@@ -191,7 +191,7 @@ absl::StatusOr<Mapping> VerifyAndMap(const RungInput& in, const std::vector<Name
   Mapping mapping;
   LITAGS_ASSIGN_OR_RETURN(mapping.models, ReadModels(models_dir, in.photos, in.options.rig_views));
   LITAGS_ASSIGN_OR_RETURN(const auto images, ReadDatabaseImages(colmap.database_path()));
-  LITAGS_ASSIGN_OR_RETURN(mapping.pairs, ReadVerifiedPairs(colmap.database_path(), kMinInliers));
+  LITAGS_ASSIGN_OR_RETURN(mapping.pairs, ReadVerifiedPairs(colmap.database_path()));
   LITAGS_ASSIGN_OR_RETURN(mapping.turned,
                           CameraTurned(in, colmap.database_path(), images, mapping.pairs));
   return mapping;

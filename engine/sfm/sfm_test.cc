@@ -2,18 +2,15 @@
 
 #include <atomic>
 #include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <string>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
 #include "engine/core/mask.h"
-#include "engine/io/colmap_io.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"

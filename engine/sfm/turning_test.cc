@@ -1,7 +1,6 @@
 #include "engine/sfm/turning.h"
 
 #include <Eigen/Geometry>
-#include <cmath>
 
 #include "engine/core/rng.h"
 #include "gtest/gtest.h"

@@ -55,12 +55,6 @@ float HaarNoise(const Planes& gray, const CutOff& cut_off) {
 
 }  // namespace
 
-Camera MatchCamera(const Camera& camera, int max_side) {
-  const double shrink = std::min(1.0, double(max_side) / std::max(camera.width, camera.height));
-  return camera.Scaled(std::max(1, static_cast<int>(std::lround(camera.width * shrink))),
-                       std::max(1, static_cast<int>(std::lround(camera.height * shrink))));
-}
-
 absl::StatusOr<MatchImage> MakeMatchImage(const Photo& photo, const Camera& camera) {
   const LinearTable& linear = LinearTable::Get();
   Planes light(1, photo.height, photo.width);

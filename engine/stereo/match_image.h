@@ -14,9 +14,6 @@ struct MatchImage {
   float noise = 0;  // standard deviation of the noise of `gray`, where nothing cuts it off
 };
 
-// The photo's camera, shrunk to `max_side` px (never grown).
-Camera MatchCamera(const Camera& camera, int max_side);
-
 // The photo shrunk to the size of `camera` by averaging linear light, which is what makes a dark
 // photo's noise bearable; smoothed a little; then the square root of brightness over its mean,
 // under which photon noise has one size everywhere. An all-black photo gives a flat image. INTERNAL

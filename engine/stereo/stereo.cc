@@ -85,7 +85,7 @@ absl::StatusOr<std::vector<std::optional<DepthMap>>> StereoDepth(
   const size_t n = photos.size();
   std::vector<Camera> cameras;
   for (const PosedPhoto& p : photos) {
-    cameras.push_back(MatchCamera(p.view->camera, options.max_side));
+    cameras.push_back(p.view->camera.ShrunkTo(options.max_side));
   }
   const std::vector<ViewPlan> plans = PlanLargeViews(cameras, points);
   std::vector<size_t> matched;

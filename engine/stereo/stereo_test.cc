@@ -10,10 +10,11 @@
 #include <vector>
 
 #include "engine/core/error.h"
+#include "engine/core/image.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
 #include "engine/sample/capture.h"
 #include "engine/sample/exposure.h"
 #include "engine/sample/texture.h"

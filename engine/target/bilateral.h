@@ -5,7 +5,6 @@
 #include <array>
 #include <vector>
 
-#include "engine/core/image.h"
 #include "engine/target/float_image.h"
 
 namespace litags {

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "engine/core/color.h"
-#include "engine/core/mask.h"
 #include "engine/noise/noise_estimate.h"
 #include "engine/target/bilateral.h"
 #include "engine/target/curve_table.h"

@@ -14,7 +14,7 @@ namespace litags {
 // largest channel, which clips first. Cross-validated error of the rule: 0.71 stops by luma, 0.65
 // by this; the largest channel alone (0.64) is noise where JPEG lost the colour.
 inline double LightOfPixel(double red, double green, double blue) {
-  const double luma = kLumaRed * red + kLumaGreen * green + kLumaBlue * blue;
+  const double luma = Luma(red, green, blue);
   return 0.5 * (luma + std::max({red, green, blue}));
 }
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
-#include "engine/core/color.h"
 #include "engine/core/photo.h"
 
 namespace litags {

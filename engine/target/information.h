@@ -2,7 +2,6 @@
 #ifndef LITAGS_ENGINE_TARGET_INFORMATION_H_
 #define LITAGS_ENGINE_TARGET_INFORMATION_H_
 
-#include <cstdint>
 #include <vector>
 
 #include "absl/types/span.h"

@@ -4,30 +4,14 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <numeric>
 
-#include "engine/core/mask.h"
-#include "engine/core/rng.h"
+#include "engine/noise/two_halves_test_util.h"
 
 namespace litags {
 namespace {
 
-constexpr int kSize = 120;
-
-bool IsLeft(size_t sample) { return (sample / 3) % kSize < kSize / 2; }
-
-// Left half of code `left`, right half of code `right`, with normal noise of such deviations.
-Photo TwoHalves(double left, double right, double left_noise = 0, double right_noise = 0) {
-  const CounterRng rng(7, 1);
-  ImageU8 image(kSize, kSize);
-  for (size_t i = 0; i < image.data.size(); ++i) {
-    const double code =
-        IsLeft(i) ? left + left_noise * rng.Normal(i) : right + right_noise * rng.Normal(i);
-    image.data[i] = static_cast<uint8_t>(std::clamp(std::round(code), 0.0, 255.0));
-  }
-  return PhotoFromU8(image);
-}
+constexpr int kSize = kTwoHalvesSize;
 
 // A bright photo that clips the right half, which a dark one of the same place, an eighth of the
 // light, sees; the dark one is noisy on the left.

@@ -5,24 +5,10 @@
 #include <cmath>
 #include <random>
 
+#include "engine/target/jpeg_test_util.h"
+
 namespace litags {
 namespace {
-
-cv::Vec3d Ycc(const cv::Vec3d& rgb) {
-  const double y = 0.299 * rgb[0] + 0.587 * rgb[1] + 0.114 * rgb[2];
-  return {y, (rgb[2] - y) / 1.772, (rgb[0] - y) / 1.402};
-}
-
-// R, G and B in codes, rounded, and what libjpeg makes of them: Y, Cb and Cr rounded, halves of Cb
-// and Cr down.
-cv::Vec3f Encoded(const cv::Vec3d& rgb) {
-  cv::Vec3d codes;
-  for (int c = 0; c < 3; ++c) codes[c] = std::floor(rgb[c] + 0.5);
-  const cv::Vec3d ycc = Ycc(codes);
-  constexpr double kHalf = 0.5 - 1e-4;
-  return cv::Vec3f(std::floor(ycc[0] + 0.5), std::floor(ycc[1] + kHalf),
-                   std::floor(ycc[2] + kHalf));
-}
 
 // Mean error of Cb and Cr over colours whose luma is 0.8 to 4 codes, about grey: as the codes say
 // it, and with what was lost.
@@ -39,9 +25,10 @@ MeanErrors ErrorsOf(double deviation) {
   constexpr int kColors = 20000;
   for (int i = 0; i < kColors; ++i) {
     const double y = luma(random), cb = y * ratio(random), cr = y * ratio(random);
-    const cv::Vec3d rgb(y + 1.402 * cr, y - 0.344136 * cb - 0.714136 * cr, y + 1.772 * cb);
+    const TestColor rgb = {y + 1.402 * cr, y - 0.344136 * cb - 0.714136 * cr, y + 1.772 * cb};
     if (rgb[0] < 0 || rgb[1] < 0 || rgb[2] < 0) continue;
-    const cv::Vec3f codes = Encoded(rgb);
+    const TestColor rounded = TestJpeg(rgb);
+    const cv::Vec3f codes(rounded[0], rounded[1], rounded[2]);
     const cv::Vec2d error(codes[1] - cb, codes[2] - cr);
     errors.codes += error / kColors;
     errors.mended += (error + cv::Vec2d(chroma.Lost(codes))) / kColors;

@@ -4,9 +4,7 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
 #include "engine/core/color.h"
 #include "engine/core/error.h"

@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <limits>
-#include <vector>
 
 #include "engine/core/mask.h"
 #include "engine/core/rng.h"

@@ -11,9 +11,7 @@ namespace litags {
 // Cb = (B - Y) / kBlueOfCb, Cr = (R - Y) / kRedOfCr.
 inline constexpr double kBlueOfCb = 1.772, kRedOfCr = 1.402;
 
-inline float Luma(const cv::Vec3f& rgb) {
-  return kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2];
-}
+inline float Luma(const cv::Vec3f& rgb) { return Luma(rgb[0], rgb[1], rgb[2]); }
 
 // Y, Cb and Cr.
 inline cv::Vec3f YccOfRgb(const cv::Vec3f& rgb) {

@@ -3,11 +3,12 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
-#include <string>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/image.h"
 #include "engine/core/rng.h"
-#include "engine/io/test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/render/renderer.h"
 #include "engine/train/fit_camera.h"
 #include "engine/train/initialize.h"

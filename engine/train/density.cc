@@ -8,14 +8,13 @@
 #include <utility>
 
 #include "engine/core/rng.h"
+#include "engine/core/splats.h"
 #include "engine/train/growth.h"
 
 namespace litags {
 namespace {
 
 constexpr uint64_t kGrowthStream = 0x5350;  // random numbers of growth
-
-float Opacity(const Splats& s, size_t i) { return 1 / (1 + std::exp(-s.at(i, kLogitOpacity))); }
 
 // Worth keeping: opaque enough, and every parameter a number.
 bool IsKept(const Splats& s, size_t i, double prune_opacity) {

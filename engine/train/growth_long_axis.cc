@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/core/splats.h"
 #include "engine/train/growth.h"
 
 namespace litags {
@@ -34,9 +35,7 @@ class LongAxis : public GrowthStrategy {
     for (int k = 0; k < 3; ++k) {
       out->at(i, kLogScale + k) += static_cast<float>(std::log(k == longest ? kLength : kWidth));
     }
-    const float whole = 1 / (1 + std::exp(-parent.at(p, kLogitOpacity)));
-    const double opacity = kOpacity * whole;
-    out->at(i, kLogitOpacity) = static_cast<float>(std::log(opacity / (1 - opacity)));
+    out->at(i, kLogitOpacity) = LogitOf(kOpacity * Opacity(parent, p));
   }
 };
 

@@ -11,6 +11,7 @@
 #include "engine/core/camera_spread.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
+#include "engine/core/splats.h"
 
 namespace litags {
 namespace {
@@ -142,7 +143,7 @@ absl::StatusOr<Splats> InitializeFromPoints(absl::Span<const SparsePoint> points
   }
   const std::vector<Neighbourhood> near = Neighbourhoods(points, shape);
   const float illumination = static_cast<float>(IlluminationLevel(views));
-  const float logit = static_cast<float>(std::log(kInitialOpacity / (1 - kInitialOpacity)));
+  const float logit = LogitOf(kInitialOpacity);
   Splats splats(points.size());
   for (size_t i = 0; i < points.size(); ++i) {
     const std::array<double, 3> color = PointColor(points[i], point_views, views);

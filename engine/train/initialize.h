@@ -1,8 +1,6 @@
 #ifndef LITAGS_ENGINE_TRAIN_INITIALIZE_H_
 #define LITAGS_ENGINE_TRAIN_INITIALIZE_H_
 
-#include <vector>
-
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "engine/core/splats.h"

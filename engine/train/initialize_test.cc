@@ -4,7 +4,8 @@
 #include <cmath>
 #include <vector>
 
-#include "engine/io/test_util.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/rng.h"
 #include "engine/train/train_test_util.h"
 #include "gtest/gtest.h"
 

@@ -1,7 +1,6 @@
 #include "engine/train/losses.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "absl/functional/function_ref.h"
 #include "engine/core/check.h"

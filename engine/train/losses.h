@@ -8,7 +8,6 @@
 #ifndef LITAGS_ENGINE_TRAIN_LOSSES_H_
 #define LITAGS_ENGINE_TRAIN_LOSSES_H_
 
-#include <cstddef>
 #include <vector>
 
 #include "engine/core/aligned.h"

@@ -9,7 +9,6 @@
 #include <string>
 
 #include "engine/core/image.h"
-#include "engine/core/splats.h"
 #include "engine/train/adam.h"
 #include "engine/train/density.h"
 

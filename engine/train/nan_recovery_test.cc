@@ -7,11 +7,12 @@
 #include <fstream>
 #include <limits>
 #include <string>
-#include <utility>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/image.h"
 #include "engine/core/simd_test_util.h"
-#include "engine/io/test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/train/crop.h"
 #include "engine/train/initialize.h"
 #include "engine/train/train_test_util.h"

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -12,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
 #include "engine/core/error.h"
+#include "engine/core/monotonic_seconds.h"
 #include "engine/core/rng.h"
 #include "engine/render/renderer.h"
 #include "engine/train/adam.h"
@@ -29,19 +29,6 @@ constexpr uint64_t kDropoutStream = 0x4450;    // and of who is left out
 constexpr double kDropoutEpochs = 50;          // at full size, to half of recipe.dropout. Choice
 
 constexpr int kSkipsOfAPhoto = 2;  // then it is left out: it will not get better
-
-// Adds the time until its destruction to a total.
-class Timer {
- public:
-  explicit Timer(double* total) : total_(total), start_(std::chrono::steady_clock::now()) {}
-  ~Timer() {
-    *total_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  double* total_;
-  std::chrono::steady_clock::time_point start_;
-};
 
 // Photos in a new random order every epoch.
 size_t ViewOfIteration(uint64_t seed, int iteration, size_t views) {

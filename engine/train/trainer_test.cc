@@ -4,11 +4,14 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
-#include <string>
 #include <vector>
 
+#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/image.h"
+#include "engine/core/rng.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/container.h"
-#include "engine/io/test_util.h"
 #include "engine/train/initialize.h"
 #include "engine/train/train_test_util.h"
 #include "gtest/gtest.h"

@@ -6,7 +6,6 @@
 #include <span>
 #include <vector>
 
-#include "absl/status/statusor.h"
 #include "engine/core/image.h"
 
 namespace litags {

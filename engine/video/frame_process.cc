@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <new>
@@ -85,11 +84,6 @@ std::string no_memory_line, no_time_line;
   _exit(0);
 }
 
-void Limit(__rlimit_resource resource, int64_t value, int64_t more = 0) {
-  const rlimit limit = {static_cast<rlim_t>(value), static_cast<rlim_t>(value + more)};
-  setrlimit(resource, &limit);
-}
-
 // A file's bytes, as long as this lives.
 class MappedFile {
  public:
@@ -162,10 +156,10 @@ int PickFramesMain(const std::string& path, const std::string& field, int most) 
   // What decoders say about a file could fill the log.
   const int null_fd = open("/dev/null", O_WRONLY);
   dup2(null_fd, STDERR_FILENO);
-  Limit(RLIMIT_CORE, 0);
-  Limit(RLIMIT_FSIZE, kMaxJobBytes);
-  if (!kBuiltWithSanitizer) Limit(RLIMIT_DATA, kMemoryBytes);
-  Limit(RLIMIT_CPU, kProcessorSeconds, 2);
+  LimitResource(RLIMIT_CORE, 0);
+  LimitResource(RLIMIT_FSIZE, kMaxJobBytes);
+  if (!kBuiltWithSanitizer) LimitResource(RLIMIT_DATA, kMemoryBytes);
+  LimitResource(RLIMIT_CPU, kProcessorSeconds, 2);
   SyscallFilter::ForComputing().Apply();
 
   const auto picked = PickFrames(

@@ -6,9 +6,11 @@
 #include <chrono>
 #include <thread>
 
+#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
 #include "engine/video/testing_video.h"
 
 namespace litags {

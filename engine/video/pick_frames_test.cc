@@ -3,8 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/image.h"
 #include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
 #include "engine/video/testing_video.h"
 
 namespace litags {

@@ -1,6 +1,5 @@
 // litags-test-video FOLDER OUT: the photos of a folder as a phone's video, for tests. The phone is
 // held upright, so that its sensor sees them on their side.
-#include <cstdio>
 #include <string>
 #include <vector>
 

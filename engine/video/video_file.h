@@ -11,7 +11,6 @@
 #include "absl/status/statusor.h"
 #include "engine/core/camera.h"
 #include "engine/core/image.h"
-#include "engine/core/limits.h"
 #include "engine/core/photo.h"
 
 namespace litags {

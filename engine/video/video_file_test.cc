@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "engine/core/error_test_util.h"
 #include "engine/io/test_util.h"
 #include "engine/video/testing_video.h"
 

@@ -4,7 +4,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "engine/pipeline/engine.h"
+#include "engine/core/camera.h"
+#include "engine/core/cancel.h"
+#include "engine/pipeline/scene.h"
 #include "litags/v1/render_service.pb.h"
 
 namespace litags {

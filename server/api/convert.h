@@ -3,7 +3,7 @@
 #define LITAGS_SERVER_API_CONVERT_H_
 
 #include "absl/status/statusor.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/options.h"
 #include "litags/v1/job.pb.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/labels.h"

@@ -1,5 +1,6 @@
 #include "server/api/findings.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -28,7 +29,8 @@ v1::PhotoFindings ToProto(const PhotoFindings& findings) {
 std::map<std::string, v1::PhotoFindings> FindingsOf(absl::Span<const FileRecord> files) {
   std::map<std::string, v1::PhotoFindings> found;
   std::vector<ScreenedPhoto> photos;
-  const bool with_cameras = HasCameras(files);
+  const bool with_cameras = std::any_of(
+      files.begin(), files.end(), [](const FileRecord& file) { return GivesCameras(file.role); });
   for (const FileRecord& file : files) {
     if (file.role != FileRole::kPhoto) continue;
     const std::optional<PhotoFindings> findings = ParsePhotoFindings(file.about);

@@ -11,7 +11,6 @@
 #include "engine/core/error.h"
 #include "engine/pipeline/render_rules.h"
 #include "server/api/scene_calls.h"
-#include "server/api/view_request.h"
 #include "server/store/digest.h"
 
 namespace litags {
@@ -100,25 +99,31 @@ absl::StatusOr<ExportRequest> RequestOf(const v1::ExportModelRequest& request, i
   return out;
 }
 
+// That a file which holds the scene as it was trained is asked for without changes.
+absl::Status CheckUnchanged(const v1::ExportModelRequest& request) {
+  LITAGS_RETURN_IF_ERROR(CheckLight(request.light(), "light"));
+  if (request.light() != 0) {
+    return InvalidInput("LIGHT_INVALID", "light",
+                        "light is not for this format; leave it 0, or take format PLY");
+  }
+  if (request.exposure_stops() != 0 || request.has_scale() || request.has_crop() ||
+      request.max_splats() != 0 || request.up() != v1::UP_AXIS_UNSPECIFIED ||
+      request.antialiased()) {
+    return InvalidInput("EXPORT_OPTION_INVALID", "format",
+                        "format: PLY_FULL and LITAGS hold the scene as it was trained; leave the "
+                        "other options out, or take format PLY");
+  }
+  return absl::OkStatus();
+}
+
 // Writes the file; returns how many Gaussians it holds, or points, or triangles.
 absl::StatusOr<int64_t> WriteModel(const Scene& scene, const v1::ExportModelRequest& request,
                                    int threads, const CancelToken& cancel,
                                    const std::string& path) {
-  const v1::ModelFormat format = request.format();
-  if (format == v1::MODEL_FORMAT_PLY_FULL) {
-    LITAGS_RETURN_IF_ERROR(CheckLight(request.light(), "light"));
-    if (request.light() != 0) {
-      return InvalidInput("LIGHT_INVALID", "light",
-                          "light is not for this format; leave it 0, or take format PLY");
-    }
-    if (request.exposure_stops() != 0 || request.has_scale() || request.has_crop() ||
-        request.max_splats() != 0 || request.up() != v1::UP_AXIS_UNSPECIFIED ||
-        request.antialiased()) {
-      return InvalidInput("EXPORT_OPTION_INVALID", "format",
-                          "format: PLY_FULL holds the scene as it was trained; leave the other "
-                          "options out, or take format PLY");
-    }
-    LITAGS_RETURN_IF_ERROR(scene.ExportFullPly(path));
+  const bool own = request.format() == v1::MODEL_FORMAT_LITAGS;
+  if (own || request.format() == v1::MODEL_FORMAT_PLY_FULL) {
+    LITAGS_RETURN_IF_ERROR(CheckUnchanged(request));
+    LITAGS_RETURN_IF_ERROR(own ? scene.Save(path) : scene.ExportFullPly(path));
     return scene.num_gaussians();
   }
   LITAGS_ASSIGN_OR_RETURN(ExportRequest wanted, RequestOf(request, threads, cancel));

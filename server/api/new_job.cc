@@ -30,11 +30,12 @@ absl::Status CheckText(const std::string& text, const char* field) {
                                    "turns text around; leave it out"));
 }
 
-absl::Status CheckDisplayName(const std::string& name, const char* field) {
-  LITAGS_RETURN_IF_ERROR(CheckText(name, field));
+absl::Status CheckDisplayName(const std::string& name) {
+  constexpr char kField[] = "display_name";
+  LITAGS_RETURN_IF_ERROR(CheckText(name, kField));
   if (name.size() <= v1::kMaxDisplayNameBytes) return absl::OkStatus();
-  return InvalidInput("DISPLAY_NAME_TOO_LONG", field,
-                      absl::StrCat(field, " has ", name.size(), " bytes; at most ",
+  return InvalidInput("DISPLAY_NAME_TOO_LONG", kField,
+                      absl::StrCat(kField, " has ", name.size(), " bytes; at most ",
                                    v1::kMaxDisplayNameBytes, " are allowed"));
 }
 
@@ -70,7 +71,7 @@ absl::Status CheckRequestId(const std::string& request_id) {
 
 absl::StatusOr<NewJob> NewJobOf(const v1::CreateJobRequest& request) {
   LITAGS_RETURN_IF_ERROR(CheckRequestId(request.request_id()));
-  LITAGS_RETURN_IF_ERROR(CheckDisplayName(request.display_name(), "display_name"));
+  LITAGS_RETURN_IF_ERROR(CheckDisplayName(request.display_name()));
   if (request.content_digest().size() > kMaxContentDigestBytes) {
     return InvalidInput(
         "CONTENT_DIGEST_INVALID", "content_digest",
@@ -88,7 +89,7 @@ absl::StatusOr<NewJob> NewJobOf(const v1::CreateJobRequest& request) {
 
 absl::StatusOr<NewJob> NewJobOf(const v1::CloneJobRequest& request, const JobRecord& source) {
   LITAGS_RETURN_IF_ERROR(CheckRequestId(request.request_id()));
-  LITAGS_RETURN_IF_ERROR(CheckDisplayName(request.display_name(), "display_name"));
+  LITAGS_RETURN_IF_ERROR(CheckDisplayName(request.display_name()));
   NewJob job{request.request_id(), request.display_name(), "", {}, {}};
   LITAGS_ASSIGN_OR_RETURN(ReconstructOptions options, Decode<ReconstructOptions>(source.options));
   const std::optional<Tone> tone = options.tone;
@@ -112,7 +113,7 @@ absl::Status ApplyUpdate(const v1::UpdateJobRequest& request, JobDetails* detail
   constexpr std::string_view kLabel = "labels.";
   for (const std::string& path : request.update_mask().paths()) {
     if (path == "display_name") {
-      LITAGS_RETURN_IF_ERROR(CheckDisplayName(job.display_name(), "display_name"));
+      LITAGS_RETURN_IF_ERROR(CheckDisplayName(job.display_name()));
       details->display_name = job.display_name();
     } else if (path == "labels") {
       details->labels = LabelsFromProto(job.labels());
@@ -128,11 +129,15 @@ absl::Status ApplyUpdate(const v1::UpdateJobRequest& request, JobDetails* detail
       details->priority = job.policy().priority();
     } else if (path == "policy.retention") {
       details->retention_seconds = SecondsOf(job.policy().retention());
+    } else if (path == "policy.worker_labels") {
+      const auto& labels = job.policy().worker_labels();
+      details->worker_labels = {labels.begin(), labels.end()};
     } else {
-      return InvalidInput("UPDATE_MASK_INVALID", "update_mask",
-                          absl::StrCat("update_mask: \"", path,
-                                       "\" cannot be changed; display_name, labels, labels.KEY, "
-                                       "policy.priority and policy.retention can"));
+      return InvalidInput(
+          "UPDATE_MASK_INVALID", "update_mask",
+          absl::StrCat("update_mask: \"", path,
+                       "\" cannot be changed; display_name, labels, labels.KEY, "
+                       "policy.priority, policy.retention and policy.worker_labels can"));
     }
   }
   return absl::OkStatus();

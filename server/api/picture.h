@@ -3,7 +3,7 @@
 
 #include "absl/status/status.h"
 #include "engine/core/image.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/scene.h"
 #include "litags/v1/render_service.pb.h"
 
 namespace litags {

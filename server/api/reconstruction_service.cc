@@ -12,7 +12,6 @@
 #include "server/api/status.h"
 #include "server/api/unary.h"
 #include "server/api/upload_reactor.h"
-#include "server/api/upload_session.h"
 #include "server/api/watch_reactor.h"
 
 namespace litags {
@@ -99,7 +98,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::QueryUpload(
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
     if (request->files_size() > v1::kMaxQueryFiles) {
       return InvalidInput(
-          "TOO_MANY_FILES", "files",
+          "TOO_MANY_IN_CALL", "files",
           absl::StrCat(request->files_size(), " files in one call; ask for at most ",
                        v1::kMaxQueryFiles, " at a time"));
     }
@@ -244,7 +243,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::BatchDeleteJobs(
     v1::BatchDeleteJobsResponse* response) {
   const auto work = [=](Call& call, const CancelToken& cancel) -> absl::Status {
     if (request->names_size() > kMaxJobsPerBatch) {
-      return InvalidInput("TOO_MANY_JOBS", "names",
+      return InvalidInput("TOO_MANY_IN_CALL", "names",
                           absl::StrCat(request->names_size(), " jobs in one call; name at most ",
                                        kMaxJobsPerBatch, " at a time"));
     }

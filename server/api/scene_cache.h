@@ -9,13 +9,13 @@
 #include <mutex>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "absl/status/statusor.h"
 #include "engine/pipeline/engine.h"
 #include "server/api/gate.h"
 #include "server/api/thread_pool.h"
 #include "server/jobs/jobs.h"
+#include "server/jobs/kept_files.h"
 
 namespace litags {
 

@@ -1,10 +1,8 @@
 #ifndef LITAGS_SERVER_API_UNPACK_H_
 #define LITAGS_SERVER_API_UNPACK_H_
 
-#include <cstdint>
 #include <fstream>
 #include <map>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>

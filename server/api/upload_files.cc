@@ -1,7 +1,6 @@
 #include "server/api/upload_files.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <string_view>
 #include <vector>
 

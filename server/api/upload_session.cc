@@ -5,6 +5,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
+#include "engine/core/monotonic_seconds.h"
 #include "proto/litags/v1/limits.h"
 #include "server/api/convert.h"
 #include "server/api/status.h"
@@ -15,19 +16,6 @@ namespace {
 
 // Of a file on disk, hashed in a part of a second.
 constexpr int64_t kCatchUpBytes = int64_t{64} << 20;
-
-// Adds the time until its end to a sum, seconds.
-class Timer {
- public:
-  explicit Timer(double* sum) : sum_(sum) {}
-  ~Timer() {
-    *sum_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  double* const sum_;
-  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 // An error of the store that names no field is about this one.
 absl::Status WithField(const absl::Status& status, const std::string& field) {

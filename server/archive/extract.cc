@@ -47,15 +47,6 @@ constexpr std::string_view kCodePage437 =
     "ÇüéâäàåçêëèïîìÄÅÉæÆôöòûùÿÖÜ¢£¥₧ƒáíóúñÑªº¿⌐¬½¼¡«»░▒▓│┤╡╢╖╕╣║╗╝╜╛┐"
     "└┴┬├─┼╞╟╚╔╩╦╠═╬╧╨╤╥╙╘╒╓╫╪┘┌█▄▌▐▀αßΓπΣσµτΦΘΩδ∞φε∩≡±≥≤⌠⌡÷≈°∙·√ⁿ²■\u00A0";
 
-bool IsUtf8(std::string_view text) {
-  while (!text.empty()) {
-    const size_t length = Utf8Length(text);
-    if (length == 0) return false;
-    text.remove_prefix(length);
-  }
-  return true;
-}
-
 std::string FromCodePage437(std::string_view text) {
   std::vector<std::string_view> high;
   for (std::string_view rest = kCodePage437; !rest.empty();) {
@@ -282,14 +273,13 @@ absl::StatusOr<std::unique_ptr<ArchiveReader>> ArchiveReader::Open(const std::st
 }
 
 absl::Status ExtractArchiveBytes(std::string_view bytes, const ArchiveLimits& limits,
-                                 std::string_view field, ArchiveSink* sink,
-                                 const CancelToken& cancel) {
+                                 std::string_view field, ArchiveSink* sink) {
   Reader reader = MakeReader();
   if (archive_read_open_memory(reader.get(), bytes.data(), bytes.size()) != ARCHIVE_OK) {
     return NotOpened(reader.get(), field);
   }
   Extraction extraction(std::move(reader), static_cast<int64_t>(bytes.size()), limits, field, sink,
-                        cancel);
+                        CancelToken());
   for (;;) {
     LITAGS_ASSIGN_OR_RETURN(const bool more, extraction.ReadNext());
     if (!more) return absl::OkStatus();

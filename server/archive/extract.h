@@ -61,7 +61,7 @@ class ArchiveReader {
                                                              const ArchiveLimits& limits,
                                                              std::string_view field,
                                                              ArchiveSink* sink,
-                                                             const CancelToken& cancel = {});
+                                                             const CancelToken& cancel);
   virtual ~ArchiveReader() = default;
   // Gives the sink the next file. False: there was none left. Not to be called after an error.
   virtual absl::StatusOr<bool> ReadNext() = 0;
@@ -69,8 +69,7 @@ class ArchiveReader {
 
 // All files of an archive in memory.
 absl::Status ExtractArchiveBytes(std::string_view bytes, const ArchiveLimits& limits,
-                                 std::string_view field, ArchiveSink* sink,
-                                 const CancelToken& cancel = {});
+                                 std::string_view field, ArchiveSink* sink);
 
 }  // namespace litags
 

@@ -7,7 +7,6 @@
 
 #include <clocale>
 #include <cstdint>
-#include <map>
 
 #include "engine/core/error_test_util.h"
 #include "server/testing/archives.h"

@@ -4,18 +4,17 @@
 #include <sys/stat.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <fstream>
 #include <thread>
 
 #include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/auth/authenticator.h"
 #include "server/auth/file_stamp.h"
 #include "server/auth/tls.h"
 #include "server/auth/tokens.h"
 #include "server/store/digest.h"
 #include "server/testing/certificates.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

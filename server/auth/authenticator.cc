@@ -6,7 +6,6 @@
 #include <cerrno>
 #include <fstream>
 
-#include "absl/strings/str_cat.h"
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
 

@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/store/digest.h"
@@ -26,16 +27,6 @@ bool EndsWithinALine(int fd) {
   char last = '\n';
   const off_t size = lseek(fd, 0, SEEK_END);
   return size > 0 && pread(fd, &last, 1, size - 1) == 1 && last != '\n';
-}
-
-std::string_view Trimmed(std::string_view text) {
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.front()))) {
-    text.remove_prefix(1);
-  }
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) {
-    text.remove_suffix(1);
-  }
-  return text;
 }
 
 }  // namespace
@@ -78,7 +69,7 @@ absl::Status TokenTable::Add(std::string_view entry, std::string_view field) {
 absl::Status TokenTable::AddLines(std::string_view text, std::string_view field) {
   for (int number = 1; !text.empty(); ++number) {
     const size_t end = std::min(text.find('\n'), text.size());
-    const std::string_view line = Trimmed(text.substr(0, end));
+    const std::string line(absl::StripAsciiWhitespace({text.data(), end}));
     text.remove_prefix(std::min(end + 1, text.size()));
     if (line.empty() || line.front() == '#') continue;
     LITAGS_RETURN_IF_ERROR(Add(line, absl::StrCat(std::string(field), " line ", number)));

@@ -8,8 +8,8 @@
 #include <fstream>
 
 #include "engine/core/error.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "proto/arguments/arguments.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

@@ -1,7 +1,6 @@
 #include "server/errors/scrub.h"
 
 #include <algorithm>
-#include <iterator>
 
 #include "engine/core/error.h"
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "absl/status/status.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/options.h"
 #include "server/jobs/policy.h"
 
 namespace litags {

@@ -1,12 +1,13 @@
 #include "server/jobs/client_job_store.h"
+#include "engine/core/error_test_util.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <functional>
 
+#include "engine/core/temp_dir_test_util.h"
 #include "server/testing/job_store_kind.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

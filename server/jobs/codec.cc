@@ -1,6 +1,5 @@
 #include "server/jobs/codec.h"
 
-#include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <set>

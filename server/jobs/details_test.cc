@@ -6,13 +6,14 @@
 #include <fstream>
 
 #include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
+#include "server/jobs/jobs_test_util.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/sweeper.h"
 #include "server/store/digest.h"
 #include "server/testing/faulty_blob_store.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
@@ -34,18 +35,10 @@ class LinkedBlobs : public FaultyBlobStore {
 class DetailsTest : public ::testing::Test {
  protected:
   absl::Status Add(Jobs& jobs, const std::string& id, const std::string& name) {
-    const std::string path = data_.tmp() + "/staged";
-    std::ofstream(path) << name;
-    return jobs.uploads().Add(
-        id, {name, FileRole::kPhoto, static_cast<int64_t>(name.size()), Sha256::Hex(name), 64, 48},
-        path);
+    return AddFile(jobs, data_, id, name, name);
   }
 
-  std::string UploadedJob(Jobs& jobs) {
-    const std::string id = jobs.Create({})->id;
-    for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) EXPECT_TRUE(Add(jobs, id, name).ok());
-    return id;
-  }
+  std::string UploadedJob(Jobs& jobs) { return litags::UploadedJob(jobs, data_); }
 
   // That the worker "w" runs.
   Lease TakenJob(Leases& leases) {

@@ -3,16 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <fstream>
-
-#include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
+#include "server/jobs/jobs_test_util.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/sweeper.h"
 #include "server/store/digest.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
@@ -23,18 +21,13 @@ class FinishedTest : public ::testing::Test {
  protected:
   absl::Status Add(const std::string& id, const std::string& name, const std::string& bytes,
                    FileRole role = FileRole::kPhoto) {
-    const std::string path = data_.tmp() + "/staged";
-    std::ofstream(path) << bytes;
-    return jobs_.uploads().Add(
-        id, {name, role, static_cast<int64_t>(bytes.size()), Sha256::Hex(bytes), 64, 48}, path);
+    return AddFile(jobs_, data_, id, name, bytes, role);
   }
 
-  std::string StartedJob(const ReconstructOptions& options = {}) {
+  std::string UploadedJob(const ReconstructOptions& options = {}) {
     NewJob wanted;
     wanted.options = options;
-    const std::string id = jobs_.Create(wanted)->id;
-    for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) EXPECT_TRUE(Add(id, name, name).ok());
-    return id;
+    return litags::UploadedJob(jobs_, data_, wanted);
   }
 
   // A blob of the lease, as the worker stores it.
@@ -51,7 +44,7 @@ class FinishedTest : public ::testing::Test {
   std::string SucceededJob() {
     ReconstructOptions options;
     options.iterations = 100;
-    const std::string id = StartedJob(options);
+    const std::string id = UploadedJob(options);
     EXPECT_TRUE(jobs_.Start(id).ok());
     const Lease lease = Acquired();
     ReconstructReport report;
@@ -155,7 +148,7 @@ TEST_F(FinishedTest, BetterSceneTakesItsPlace) {
 }
 
 TEST_F(FinishedTest, JobThatFailedForItsFilesTakesOthers) {
-  const std::string id = StartedJob();
+  const std::string id = UploadedJob();
   ASSERT_TRUE(jobs_.Start(id).ok());
   const Lease lease = Acquired();
   const KeptFile scene = Scene(lease, "x");
@@ -181,7 +174,7 @@ TEST_F(FinishedTest, JobThatFailedForItsFilesTakesOthers) {
 }
 
 TEST_F(FinishedTest, JobWithOtherFilesIsStartedByTheCallThatStartedItBefore) {
-  const std::string id = StartedJob();
+  const std::string id = UploadedJob();
   ASSERT_TRUE(jobs_.Start(id, "s").ok());
   ASSERT_TRUE(leases_.Fail(Acquired(), absl::InternalError("x")).ok());
   ASSERT_TRUE(Add(id, "d.jpg", "d").ok());
@@ -189,7 +182,7 @@ TEST_F(FinishedTest, JobWithOtherFilesIsStartedByTheCallThatStartedItBefore) {
 }
 
 TEST_F(FinishedTest, ThereIsNoSuccessWithoutAScene) {
-  const std::string id = StartedJob();
+  const std::string id = UploadedJob();
   ASSERT_TRUE(jobs_.Start(id).ok());
   const Lease lease = Acquired();
   EXPECT_EQ(Reason(leases_.Succeed(lease, {}, {{"checkpoint", Scene(lease, "x")}})),
@@ -198,7 +191,7 @@ TEST_F(FinishedTest, ThereIsNoSuccessWithoutAScene) {
 }
 
 TEST_F(FinishedTest, CallsThatChangeNoFileCostAFailedJobNothing) {
-  const std::string id = StartedJob();
+  const std::string id = UploadedJob();
   ASSERT_TRUE(jobs_.Start(id).ok());
   const Lease lease = Acquired();
   ASSERT_TRUE(leases_.Keep(lease, {{kSceneFile, Scene(lease, "x")}}, 10).ok());
@@ -217,7 +210,7 @@ TEST_F(FinishedTest, CallsThatChangeNoFileCostAFailedJobNothing) {
 }
 
 TEST_F(FinishedTest, FailedJobThatLosesAFileStartsAfresh) {
-  const std::string id = StartedJob();
+  const std::string id = UploadedJob();
   ASSERT_TRUE(Add(id, "d.jpg", "d").ok());
   ASSERT_TRUE(jobs_.Start(id).ok());
   const Lease lease = Acquired();
@@ -243,7 +236,7 @@ TEST_F(FinishedTest, JobWithAFinishedSceneTakesNoOtherFiles) {
 }
 
 TEST_F(FinishedTest, FileThatComesWhileItsJobFailsIsRefused) {
-  const std::string id = StartedJob();
+  const std::string id = UploadedJob();
   const FileRecord late{"d.jpg", FileRole::kArchive, 1, Sha256::Hex("d")};
   ASSERT_TRUE(jobs_.Start(id).ok());
   ASSERT_TRUE(leases_.Fail(Acquired(), absl::InternalError("x")).ok());
@@ -253,7 +246,7 @@ TEST_F(FinishedTest, FileThatComesWhileItsJobFailsIsRefused) {
 TEST_F(FinishedTest, NoJobIsStartedForDepthMapsThatItDoesNotHave) {
   ReconstructOptions options;
   options.depth_source = DepthOrigin::kMaps;
-  const std::string id = StartedJob(options);
+  const std::string id = UploadedJob(options);
   const absl::Status refused = jobs_.Start(id).status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_EQ(Reason(refused), "DEPTH_MAPS_MISSING");
@@ -261,19 +254,19 @@ TEST_F(FinishedTest, NoJobIsStartedForDepthMapsThatItDoesNotHave) {
   EXPECT_TRUE(jobs_.Start(id).ok());
   for (const DepthOrigin source : {DepthOrigin::kMaps, DepthOrigin::kAuto}) {
     options.depth_source = source;
-    const std::string foreign = StartedJob(options);
+    const std::string foreign = UploadedJob(options);
     ASSERT_TRUE(Add(foreign, "other.png", "depth", FileRole::kDepth).ok());
     EXPECT_EQ(Reason(jobs_.Start(foreign).status()), "DEPTH_MAP_WITHOUT_PHOTO");
   }
   options.depth_source = DepthOrigin::kMaps;
   options.method = Method::k3dgs;  // which uses no depth
-  EXPECT_TRUE(jobs_.Start(StartedJob(options)).ok());
+  EXPECT_TRUE(jobs_.Start(UploadedJob(options)).ok());
 }
 
 TEST_F(FinishedTest, NoJobWaitsForADepthNetworkThatNobodyHas) {
   ReconstructOptions options;
   options.depth_source = DepthOrigin::kNetwork;
-  const std::string id = StartedJob(options);
+  const std::string id = UploadedJob(options);
   const auto there = [&](const char* name, std::vector<std::string> labels) {
     ASSERT_TRUE(
         store_->PutWorker({name, store_->NowMs(), Encode(Resources{1, 1, std::move(labels)})})

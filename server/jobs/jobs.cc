@@ -122,7 +122,7 @@ absl::StatusOr<JobRecord> Jobs::Clone(std::string_view id, const NewJob& asked,
                                       const CancelToken& cancel) {
   LITAGS_ASSIGN_OR_RETURN(const JobRecord source, store_->Get(id));
   if (source.owner != view_.owner) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "NOT_YOUR_JOB", "name",
+    return MakeError(absl::StatusCode::kPermissionDenied, "NOT_YOUR_JOB", "name",
                      absl::StrCat("jobs/", source.id, " is the client \"", source.owner,
                                   "\"'s; only that client can clone it"));
   }
@@ -147,20 +147,8 @@ absl::StatusOr<JobRecord> Jobs::Clone(std::string_view id, const NewJob& asked,
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> cloned, store_->Files(clone.id));
   std::set<std::tuple<FileRole, std::string, std::string>> there;
   for (const FileRecord& file : cloned) there.insert(key(file));
-  for (const FileRecord& file : files) {
-    if (there.contains(key(file))) continue;
-    LITAGS_RETURN_IF_ERROR(cancel.Check());
-    if (file.role == FileRole::kArchive) {
-      LITAGS_RETURN_IF_ERROR(uploads_.NoteArchive(clone.id, file));
-      continue;
-    }
-    LITAGS_ASSIGN_OR_RETURN(const bool adopted, uploads_.Adopt(clone.id, file));
-    if (adopted) continue;
-    return MakeError(absl::StatusCode::kAborted, "CLONED_FILE_GONE", "name",
-                     absl::StrCat("\"", file.name, "\" of jobs/", source.id,
-                                  " was deleted while it was cloned; delete jobs/", clone.id,
-                                  ", or upload what it lacks"));
-  }
+  std::erase_if(files, [&](const FileRecord& file) { return there.contains(key(file)); });
+  LITAGS_RETURN_IF_ERROR(uploads_.AdoptFrom(source.id, clone.id, files, cancel));
   return store_->Get(clone.id);
 }
 
@@ -192,11 +180,9 @@ absl::Status Jobs::Enqueue(JobTransaction& job, JobAction action, std::string_vi
   LITAGS_RETURN_IF_ERROR(NextState(job.job.state, action).status());
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> files, job.Files());
   LITAGS_ASSIGN_OR_RETURN(const ReconstructOptions options, OptionsOf(job.job));
-  LITAGS_RETURN_IF_ERROR(CheckFiles(files, options));
   LITAGS_RETURN_IF_ERROR(ApplyCaps(view_.caps, options, &job.job));
   LITAGS_ASSIGN_OR_RETURN(const JobPolicy policy, PolicyOf(job.job));
-  LITAGS_ASSIGN_OR_RETURN(const int64_t least,
-                          LeastMemory(files, options, policy.max_memory_bytes));
+  LITAGS_ASSIGN_OR_RETURN(const int64_t least, CheckFiles(files, options, policy.max_memory_bytes));
   job.job.needs = EncodedNeedsOf(policy, options, least);
   job.job.attempt = 0;
   job.job.run_ms = 0;
@@ -261,7 +247,8 @@ absl::StatusOr<JobRecord> Jobs::Update(std::string_view id, std::string_view eta
     JobRecord& job = transaction.job;
     const std::string before = EtagOf(job);
     LITAGS_ASSIGN_OR_RETURN(JobPolicy policy, PolicyOf(job));
-    JobDetails details{job.display_name, {}, policy.priority, policy.retention_seconds};
+    JobDetails details{
+        job.display_name, {}, policy.priority, policy.retention_seconds, policy.worker_labels};
     LITAGS_ASSIGN_OR_RETURN(details.labels, LabelsOf(job));
     LITAGS_RETURN_IF_ERROR(change(details));
     LITAGS_RETURN_IF_ERROR(CheckLabels(details.labels));
@@ -270,6 +257,11 @@ absl::StatusOr<JobRecord> Jobs::Update(std::string_view id, std::string_view eta
     }
     policy.priority = details.priority;
     policy.retention_seconds = details.retention_seconds;
+    if (details.worker_labels != policy.worker_labels) {
+      policy.worker_labels = details.worker_labels;
+      LITAGS_ASSIGN_OR_RETURN(const ReconstructOptions options, OptionsOf(job));
+      LITAGS_ASSIGN_OR_RETURN(job.needs, NeedsWithLabelsOf(policy, options, job.needs));
+    }
     LITAGS_RETURN_IF_ERROR(policy.Validate());
     job.display_name = details.display_name;
     job.labels = Encode(details.labels);

@@ -14,9 +14,10 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/options.h"
 #include "server/jobs/caps.h"
 #include "server/jobs/client_job_store.h"
+#include "server/jobs/kept_files.h"
 #include "server/jobs/labels.h"
 #include "server/jobs/placement.h"
 #include "server/jobs/policy.h"
@@ -49,6 +50,7 @@ struct JobDetails {
   Labels labels;
   int priority = 0;
   double retention_seconds = 0;
+  std::vector<std::string> worker_labels = {};
 };
 
 // Of what JobDetails has and of the state: other than before once one of them is.
@@ -73,7 +75,7 @@ class Jobs {
   absl::StatusOr<JobRecord> Create(const NewJob& job);
 
   // A new job with the files of another one of the same owner. ABORTED (CLONED_FILE_GONE): one of
-  // them was deleted meanwhile; FAILED_PRECONDITION (NOT_YOUR_JOB): it is another client's, which
+  // them was deleted meanwhile; PERMISSION_DENIED (NOT_YOUR_JOB): it is another client's, which
   // only an administrator sees. And as Create(), but that a priority or run time of the other job
   // that is more than the client may ask for becomes the most that it may. CANCELLED between two
   // files; the same request_id goes on.
@@ -106,7 +108,7 @@ class Jobs {
   Uploads& uploads() { return uploads_; }
 
   // FAILED_PRECONDITION: DEPTH_MODEL_MISSING, JOB_WITHOUT_PROGRESS (its last thousand events show
-  // none), beside the state's own. Errors of CheckFiles(), LeastMemory() and JobCaps::Check().
+  // none), beside the state's own. Errors of CheckFiles() and JobCaps::Check().
   // With the request_id of the call that queued the job last it changes nothing, as Resume().
   absl::StatusOr<JobRecord> Start(std::string_view id, const std::string& request_id = "");
   absl::StatusOr<JobRecord> Cancel(std::string_view id);

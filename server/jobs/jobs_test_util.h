@@ -9,40 +9,60 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/state_machine.h"
 #include "server/jobs/sweeper.h"
+#include "server/store/blob_store.h"
+#include "server/store/data_dir.h"
 #include "server/store/digest.h"
-#include "server/testing/temp_dir.h"
+#include "server/store/job_store.h"
 
 namespace litags {
 
 inline const KeptFiles kScene{{kSceneFile, {"1/aa", 5}}};
 
+// Stores a file of made-up content and the given picture size.
+inline absl::Status AddFile(Jobs& jobs, const DataDir& data, const std::string& id,
+                            const std::string& name, const std::string& bytes,
+                            FileRole role = FileRole::kPhoto, int width = 64, int height = 48) {
+  const std::string path = data.tmp() + "/staged";
+  std::ofstream(path) << bytes;
+  return jobs.uploads().Add(
+      id, {name, role, static_cast<int64_t>(bytes.size()), Sha256::Hex(bytes), width, height},
+      path);
+}
+
+// A job with three photos, which is not started.
+inline std::string UploadedJob(Jobs& jobs, const DataDir& data, const NewJob& wanted = {}) {
+  const std::string id = jobs.Create(wanted)->id;
+  for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) {
+    EXPECT_TRUE(AddFile(jobs, data, id, name, name).ok());
+  }
+  return id;
+}
+
+inline std::string StartedJob(Jobs& jobs, const DataDir& data, const NewJob& wanted = {}) {
+  const std::string id = UploadedJob(jobs, data, wanted);
+  EXPECT_TRUE(jobs.Start(id).ok());
+  return id;
+}
+
 // Jobs and their leases on stores in a folder of the test, with a clock that the test sets.
 class JobsTest : public ::testing::Test {
  protected:
-  // Stores a file of made-up content and the given picture size.
   absl::Status Add(const std::string& id, const std::string& name, int width = 64, int height = 48,
                    FileRole role = FileRole::kPhoto) {
-    const std::string path = data_.tmp() + "/staged";
-    std::ofstream(path) << name;
-    return jobs_.uploads().Add(
-        id, {name, role, static_cast<int64_t>(name.size()), Sha256::Hex(name), width, height},
-        path);
+    return AddFile(jobs_, data_, id, name, name, role, width, height);
   }
 
   std::string StartedJob(const JobPolicy& policy = {}) {
     NewJob wanted;
     wanted.policy = policy;
-    const std::string id = jobs_.Create(wanted)->id;
-    EXPECT_TRUE(Add(id, "a.jpg").ok());
-    EXPECT_TRUE(Add(id, "b.jpg").ok());
-    EXPECT_TRUE(Add(id, "c.jpg").ok());
-    EXPECT_TRUE(jobs_.Start(id).ok());
-    return id;
+    return litags::StartedJob(jobs_, data_, wanted);
   }
 
   JobState State(const std::string& id) { return jobs_.Get(id)->state; }

@@ -12,7 +12,6 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/transition.h"
 #include "server/store/job_store.h"

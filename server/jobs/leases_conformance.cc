@@ -1,5 +1,4 @@
 // Leases on every kind of store: whoever lost one can write nothing more.
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -7,10 +6,11 @@
 #include <thread>
 
 #include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/leases.h"
 #include "server/testing/job_store_kind.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

@@ -6,12 +6,6 @@
 
 namespace litags {
 
-bool HasCameras(absl::Span<const FileRecord> files) {
-  return std::any_of(files.begin(), files.end(), [](const FileRecord& file) {
-    return file.role == FileRole::kCameras || file.role == FileRole::kColmap;
-  });
-}
-
 ScreenedPhoto LookOf(const FileRecord& photo, const PhotoFindings& findings, bool with_cameras) {
   ScreenedPhoto look;
   look.name = photo.name;

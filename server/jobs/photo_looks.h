@@ -12,9 +12,7 @@
 
 namespace litags {
 
-// Whether cameras were given: a file of them, or a COLMAP model.
-bool HasCameras(absl::Span<const FileRecord> files);
-
+// `with_cameras`: cameras are given, and say which photos are cut into views.
 ScreenedPhoto LookOf(const FileRecord& photo, const PhotoFindings& findings, bool with_cameras);
 
 // As WhyLeftOut(), of looks by LookOf(), which do not know what the one colour of a photo is.

@@ -33,6 +33,8 @@ std::string MiB(int64_t bytes) {
   return absl::StrCat((bytes >> 20) + (bytes % (1 << 20) != 0), " MiB");
 }
 
+std::string Encoded(const Resources& needs) { return IsNothing(needs) ? "" : Encode(needs); }
+
 std::string InWords(const Resources& needs) {
   std::vector<std::string> parts;
   if (needs.cores > 0) parts.push_back(Counted(needs.cores, "core"));
@@ -80,8 +82,18 @@ Resources NeedsOf(const JobPolicy& policy, const ReconstructOptions& options, in
 
 std::string EncodedNeedsOf(const JobPolicy& policy, const ReconstructOptions& options,
                            int64_t least) {
-  const Resources needs = NeedsOf(policy, options, least);
-  return IsNothing(needs) ? "" : Encode(needs);
+  return Encoded(NeedsOf(policy, options, least));
+}
+
+absl::StatusOr<std::string> NeedsWithLabelsOf(const JobPolicy& policy,
+                                              const ReconstructOptions& options,
+                                              std::string_view needs) {
+  Resources changed;
+  if (!needs.empty()) {
+    LITAGS_ASSIGN_OR_RETURN(changed, Decode<Resources>(needs));
+  }
+  changed.labels = NeedsOf(policy, options).labels;
+  return Encoded(changed);
 }
 
 bool Fits(const Resources& needs, const Resources& has) {

@@ -34,12 +34,17 @@ inline constexpr char kDepthNetworkLabel[] = "depth-network";
 bool HasDepthNetwork(const Resources& has);
 
 // A job that does not say what memory it needs, but what it may take, needs that. `least`: bytes
-// that its photos take, as LeastMemory() has it; counted by whole 256 MiB, so that jobs of like
+// that its photos take, as CheckFiles() has it; counted by whole 256 MiB, so that jobs of like
 // needs have equal ones, and below that not at all.
 Resources NeedsOf(const JobPolicy& policy, const ReconstructOptions& options, int64_t least = 0);
 // The same as JobRecord::needs: equal needs are equal texts; empty: nothing.
 std::string EncodedNeedsOf(const JobPolicy& policy, const ReconstructOptions& options,
                            int64_t least = 0);
+
+// `needs`, as JobRecord has them, with the labels that the policy and the options ask for now.
+absl::StatusOr<std::string> NeedsWithLabelsOf(const JobPolicy& policy,
+                                              const ReconstructOptions& options,
+                                              std::string_view needs);
 
 bool Fits(const Resources& needs, const Resources& has);
 // The same of JobRecord::needs; false for a text that cannot be read.

@@ -6,11 +6,11 @@
 #include <limits>
 
 #include "engine/core/error.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/overview.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
@@ -48,6 +48,20 @@ TEST(Placement, EqualNeedsAreEqualTextsAndNoneIsEmpty) {
   EXPECT_EQ(NeedsOf(policy, {}).memory_bytes, 4 * kGiB) << "what it may take it may need";
   policy.min_memory_bytes = kGiB;
   EXPECT_EQ(NeedsOf(policy, {}).memory_bytes, kGiB);
+}
+
+TEST(Placement, OtherLabelsLeaveTheOtherNeeds) {
+  ReconstructOptions network;
+  network.depth_source = DepthOrigin::kNetwork;
+  JobPolicy policy;
+  policy.min_cores = 4;
+  policy.worker_labels = {"site-a"};
+  const std::string before = EncodedNeedsOf(policy, network, 3 * kGiB);
+  policy.worker_labels = {"site-b"};
+  EXPECT_EQ(*NeedsWithLabelsOf(policy, network, before), EncodedNeedsOf(policy, network, 3 * kGiB));
+  policy.worker_labels.clear();
+  EXPECT_EQ(*NeedsWithLabelsOf(policy, {}, EncodedNeedsOf({}, network)), "");
+  EXPECT_EQ(*NeedsWithLabelsOf(policy, {}, ""), "");
 }
 
 TEST(Placement, LabelsThatAreNoneAreRefused) {

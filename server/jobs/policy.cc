@@ -1,7 +1,6 @@
 #include "server/jobs/policy.h"
 
 #include <cmath>
-#include <string>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"

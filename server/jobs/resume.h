@@ -5,7 +5,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/options.h"
 #include "server/jobs/policy.h"
 
 namespace litags {

@@ -15,6 +15,7 @@
 #include "engine/core/limits.h"
 #include "engine/core/mask.h"
 #include "engine/pipeline/depth_maps.h"
+#include "engine/pipeline/given_cameras.h"
 #include "engine/pipeline/memory_estimate.h"
 #include "engine/pipeline/photo_screen.h"
 #include "engine/pipeline/video_frames.h"
@@ -45,8 +46,9 @@ std::vector<std::string> NamesOf(const Files& files, FileRole role) {
   return names;
 }
 
-bool WithCameras(const Files& files) {
-  return files.contains(FileRole::kCameras) || files.contains(FileRole::kColmap);
+bool HasCameras(const Files& files) {
+  return std::any_of(files.begin(), files.end(),
+                     [](const auto& role) { return GivesCameras(role.first); });
 }
 
 // Whether the engine takes views of the photo for certain: its metadata say that it is a panorama.
@@ -71,7 +73,7 @@ absl::Status CheckVideo(const Files& files) {
                      "with DeleteFile, or make a job for each"));
   }
   std::vector<std::string> beside;
-  if (WithCameras(files)) beside.emplace_back("cameras");
+  if (HasCameras(files)) beside.emplace_back("cameras");
   const size_t maps = Of(files, FileRole::kDepth).size();
   if (maps > 0) beside.push_back(Counted(maps, "depth map"));
   const size_t masks = Of(files, FileRole::kMask).size();
@@ -81,7 +83,7 @@ absl::Status CheckVideo(const Files& files) {
 
 absl::Status CheckNumberOfPhotos(const Files& files) {
   const auto& photos = Of(files, FileRole::kPhoto);
-  const bool with_cameras = WithCameras(files);
+  const bool with_cameras = HasCameras(files);
   const bool views = std::any_of(photos.begin(), photos.end(), [&](const auto& photo) {
     return HasViews(*photo.second, with_cameras) ||
            (with_cameras && IsPanoramaShaped(*photo.second));
@@ -89,12 +91,16 @@ absl::Status CheckNumberOfPhotos(const Files& files) {
   return views ? absl::OkStatus() : CheckPhotoCount(photos.size(), photos.size());
 }
 
-// The engine takes the form of the cameras, and .bin before .txt. It triangulates points that are
-// not there.
+// Of a COLMAP model's files the engine takes the form of the cameras, and .bin before .txt.
+const char* FormOf(const std::map<std::string, const FileRecord*>& model) {
+  return model.contains("cameras.bin") ? ".bin" : ".txt";
+}
+
+// The engine triangulates points that are not there.
 absl::Status CheckColmap(const Files& files) {
   const auto& model = Of(files, FileRole::kColmap);
   if (model.empty()) return absl::OkStatus();
-  const std::string ending = model.contains("cameras.bin") ? ".bin" : ".txt";
+  const std::string ending = FormOf(model);
   if (model.contains("cameras" + ending) && model.contains("images" + ending)) {
     return absl::OkStatus();
   }
@@ -106,6 +112,29 @@ absl::Status CheckColmap(const Files& files) {
                    both ? ", of which cameras.bin goes before cameras.txt" : "",
                    "; upload cameras.bin and images.bin, and "
                    "points3D.bin if there is one, or the same as .txt alone"));
+}
+
+// The file that names the cameras' photos; null if there is none.
+const FileRecord* FileOfCameras(const Files& files) {
+  if (const auto& cameras = Of(files, FileRole::kCameras); !cameras.empty()) {
+    return cameras.begin()->second;
+  }
+  const auto& model = Of(files, FileRole::kColmap);
+  const auto images = model.find(absl::StrCat("images", FormOf(model)));
+  return images == model.end() ? nullptr : images->second;
+}
+
+// As the engine's ReadGivenCameras().
+absl::Status CheckCamerasAreOfPhotos(const Files& files) {
+  const FileRecord* const file = FileOfCameras(files);
+  if (file == nullptr) return absl::OkStatus();
+  const std::optional<CameraFindings> cameras = ParseCameraFindings(file->about);
+  if (!cameras) return absl::OkStatus();
+  const auto& photos = Of(files, FileRole::kPhoto);
+  for (const auto& [name, photo] : photos) {
+    if (cameras->MayHave(name)) return absl::OkStatus();
+  }
+  return NoMatchingCameras(photos.size(), photos.begin()->first, cameras->path);
 }
 
 // Whether cameras may say which mask is whose, as a transforms.json does.
@@ -153,7 +182,7 @@ const FileRecord* MapOf(const Files& files, const std::string& stem) {
 
 // As the engine's CheckMapsFit().
 absl::Status CheckMapsAreOfPhotos(const Files& files) {
-  const bool with_cameras = WithCameras(files);
+  const bool with_cameras = HasCameras(files);
   bool any = false;
   for (const auto& [name, photo] : Of(files, FileRole::kPhoto)) {
     for (const std::string& stem : MapStemsOfViews(name)) any |= MapOf(files, stem) != nullptr;
@@ -188,7 +217,7 @@ absl::Status CheckDepthMaps(const Files& files, const ReconstructOptions& option
 // others: views of wide photos, those that cameras name alone, what masks leave of them; or where
 // rows do not say enough.
 std::optional<PhotoScreen> ScreenAsFound(const Files& files) {
-  if (WithCameras(files) || files.contains(FileRole::kMask)) return std::nullopt;
+  if (HasCameras(files) || files.contains(FileRole::kMask)) return std::nullopt;
   std::vector<ScreenedPhoto> looks;
   for (const auto& [name, photo] : Of(files, FileRole::kPhoto)) {
     const std::optional<PhotoFindings> findings = ParsePhotoFindings(photo->about);
@@ -208,37 +237,35 @@ std::optional<PhotoScreen> ScreenAsFound(const Files& files) {
   return screen;
 }
 
-}  // namespace
-
-absl::Status CheckFiles(const std::vector<FileRecord>& files, const ReconstructOptions& options) {
-  const Files by_role = ByRole(files);
-  if (by_role.contains(FileRole::kVideo)) {
-    LITAGS_RETURN_IF_ERROR(CheckVideo(by_role));
-  } else {
-    LITAGS_RETURN_IF_ERROR(CheckNumberOfPhotos(by_role));
-    LITAGS_RETURN_IF_ERROR(CheckColmap(by_role));
-    LITAGS_RETURN_IF_ERROR(CheckMasks(by_role));
-    if (const auto screen = ScreenAsFound(by_role)) {
-      LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen->photos.size(), screen->left_out));
-    }
-  }
-  return CheckDepthMaps(by_role, options);
-}
-
-absl::StatusOr<int64_t> LeastMemory(const std::vector<FileRecord>& files,
+absl::StatusOr<int64_t> LeastMemory(const std::vector<ScreenedPhoto>& photos, DepthOrigin depth,
                                     const ReconstructOptions& options, int64_t most) {
-  const Files by_role = ByRole(files);
-  const std::optional<PhotoScreen> screen = ScreenAsFound(by_role);
-  if (!screen || screen->photos.empty()) return 0;
-  const std::vector<ScreenedPhoto>& photos = screen->photos;
   ReconstructOptions one_thread = options;
   one_thread.threads = 1;
   PhotoMaps maps;  // their sizes, where they are certain
-  if (OriginOfDepth(by_role, options) == DepthOrigin::kStereo) {
-    maps = MapsOf(photos, {}, one_thread, /*masks=*/false);
-  }
+  if (depth == DepthOrigin::kStereo) maps = MapsOf(photos, {}, one_thread, /*masks=*/false);
   LITAGS_RETURN_IF_ERROR(CheckMemory(photos, one_thread, maps, most));
   return EstimateMemory(photos, one_thread, 1, maps).Least();
+}
+
+}  // namespace
+
+absl::StatusOr<int64_t> CheckFiles(const std::vector<FileRecord>& files,
+                                   const ReconstructOptions& options, int64_t most_memory) {
+  const Files by_role = ByRole(files);
+  if (by_role.contains(FileRole::kVideo)) {
+    LITAGS_RETURN_IF_ERROR(CheckVideo(by_role));
+    LITAGS_RETURN_IF_ERROR(CheckDepthMaps(by_role, options));
+    return 0;
+  }
+  LITAGS_RETURN_IF_ERROR(CheckNumberOfPhotos(by_role));
+  LITAGS_RETURN_IF_ERROR(CheckColmap(by_role));
+  LITAGS_RETURN_IF_ERROR(CheckCamerasAreOfPhotos(by_role));
+  LITAGS_RETURN_IF_ERROR(CheckMasks(by_role));
+  const std::optional<PhotoScreen> screen = ScreenAsFound(by_role);
+  if (screen) LITAGS_RETURN_IF_ERROR(CheckPhotosLeft(screen->photos.size(), screen->left_out));
+  LITAGS_RETURN_IF_ERROR(CheckDepthMaps(by_role, options));
+  if (!screen) return 0;
+  return LeastMemory(screen->photos, OriginOfDepth(by_role, options), options, most_memory);
 }
 
 }  // namespace litags

@@ -6,22 +6,20 @@
 #include <cstdint>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/pipeline/options.h"
 #include "server/store/job_store.h"
 
 namespace litags {
 
-// FAILED_PRECONDITION: TOO_FEW_PHOTOS, also of those that are not left out; VIDEO_NOT_ALONE,
-// COLMAP_INCOMPLETE, DEPTH_MAPS_MISSING. INVALID_ARGUMENT: MASK_WITHOUT_PHOTO, MASK_AMBIGUOUS,
-// MASK_TWICE, MASK_SIZE, DEPTH_MAP_WITHOUT_PHOTO, DEPTH_MAP_SIZE.
-absl::Status CheckFiles(const std::vector<FileRecord>& files, const ReconstructOptions& options);
-
-// The bytes without which the engine refuses these photos, whatever its number of threads; 0: not
-// known. RESOURCE_EXHAUSTED (MEMORY_EXCEEDED) if that is more than `most` (0: any).
-absl::StatusOr<int64_t> LeastMemory(const std::vector<FileRecord>& files,
-                                    const ReconstructOptions& options, int64_t most);
+// Returns the bytes without which the engine refuses the photos, whatever its number of threads; 0:
+// not known. FAILED_PRECONDITION: TOO_FEW_PHOTOS, also of those that are not left out;
+// VIDEO_NOT_ALONE, COLMAP_INCOMPLETE, DEPTH_MAPS_MISSING. INVALID_ARGUMENT: NO_MATCHING_CAMERAS,
+// MASK_WITHOUT_PHOTO, MASK_AMBIGUOUS, MASK_TWICE, MASK_SIZE, DEPTH_MAP_WITHOUT_PHOTO,
+// DEPTH_MAP_SIZE. RESOURCE_EXHAUSTED (MEMORY_EXCEEDED): the photos take more than `most_memory`
+// (0: any).
+absl::StatusOr<int64_t> CheckFiles(const std::vector<FileRecord>& files,
+                                   const ReconstructOptions& options, int64_t most_memory);
 
 }  // namespace litags
 

@@ -56,7 +56,7 @@ std::vector<FileRecord> With(std::vector<FileRecord> files, const std::vector<Fi
 }
 
 absl::Status Check(const std::vector<FileRecord>& files, const ReconstructOptions& options = {}) {
-  return CheckFiles(files, options);
+  return CheckFiles(files, options, 0).status();
 }
 
 // Frames are chosen, and named, as the job runs.
@@ -93,6 +93,31 @@ TEST(StartChecks, OfAColmapModelTheFormOfTheCamerasThatTheEngineReadsMustBeWhole
   EXPECT_EQ(check({"cameras.txt", "images.txt", "images.bin"}), "");
   EXPECT_EQ(check({"cameras.bin", "cameras.txt", "images.txt"}), "COLMAP_INCOMPLETE");
   EXPECT_EQ(check({"images.bin"}), "COLMAP_INCOMPLETE");
+}
+
+TEST(StartChecks, OneCameraAtLeastIsOfAPhoto) {
+  const auto with = [](FileRole role, const std::string& name,
+                       const std::vector<std::string>& paths) {
+    FileRecord cameras = File(role, name);
+    cameras.about = Encode(CameraFindings::Of(paths));
+    return cameras;
+  };
+  const auto json = [&](const std::vector<std::string>& paths) {
+    return with(FileRole::kCameras, "transforms.json", paths);
+  };
+  const absl::Status none = Check(With(Photos(3), {json({"./images/frame_1.png", "x.jpg"})}));
+  EXPECT_EQ(Reason(none), "NO_MATCHING_CAMERAS");
+  EXPECT_THAT(std::string(none.message()), HasSubstr("'0.jpg', and one is './images/frame_1.png'"));
+  EXPECT_TRUE(Check(With(Photos(3), {json({"x.jpg", "./images/2.PNG"})})).ok());
+  const FileRecord unknown = File(FileRole::kCameras, "transforms.json");
+  EXPECT_TRUE(Check(With(Photos(3), {unknown})).ok()) << "stored by an earlier version";
+  // Of two forms of a model the engine reads the binary one.
+  const FileRecord binary = File(FileRole::kColmap, "cameras.bin");
+  const std::vector<FileRecord> images = {with(FileRole::kColmap, "images.bin", {"x.jpg"}),
+                                          with(FileRole::kColmap, "images.txt", {"0.jpg"})};
+  EXPECT_EQ(Reason(Check(With(With(Photos(3), images), {binary}))), "NO_MATCHING_CAMERAS");
+  const FileRecord text = File(FileRole::kColmap, "cameras.txt");
+  EXPECT_TRUE(Check(With(With(Photos(3), images), {text})).ok());
 }
 
 TEST(StartChecks, AMaskThatOnlyATransformsJsonTellsHidesNoOther) {
@@ -167,19 +192,20 @@ TEST(StartChecks, PhotosThatWouldBeLeftOutDoNotCount) {
 TEST(StartChecks, PhotosNeedMemory) {
   ReconstructOptions options;
   const auto photos = Photos(300, 4000, 3000);
-  const int64_t least = *LeastMemory(photos, options, 0);
+  const int64_t least = *CheckFiles(photos, options, 0);
   EXPECT_GT(least, 8 * kGiB);
   EXPECT_LT(least, 16 * kGiB);
-  const absl::Status status = LeastMemory(photos, options, 2 * kGiB).status();
+  const absl::Status status = CheckFiles(photos, options, 2 * kGiB).status();
   EXPECT_EQ(Reason(status), "MEMORY_EXCEEDED");
   EXPECT_THAT(std::string(status.message()), HasSubstr("max_image_side"));
-  EXPECT_EQ(*LeastMemory(photos, options, 16 * kGiB), least);
+  EXPECT_EQ(*CheckFiles(photos, options, 16 * kGiB), least);
   // Photos that are left out take none; of cameras that are given, some photos may have none.
-  EXPECT_EQ(*LeastMemory(With(photos, {Photo("copy of 0.jpg", Found(Pixels(0)), 4000, 3000)}),
-                         options, 0),
-            least);
-  EXPECT_EQ(*LeastMemory(With(photos, {File(FileRole::kColmap, "cameras.bin")}), options, kGiB), 0);
-  EXPECT_EQ(*LeastMemory({File(FileRole::kVideo, "a.mov", 4000, 3000)}, options, kGiB), 0);
+  EXPECT_EQ(
+      *CheckFiles(With(photos, {Photo("copy of 0.jpg", Found(Pixels(0)), 4000, 3000)}), options, 0),
+      least);
+  EXPECT_EQ(*CheckFiles(With(photos, {File(FileRole::kCameras, "transforms.json")}), options, kGiB),
+            0);
+  EXPECT_EQ(*CheckFiles({File(FileRole::kVideo, "a.mov", 4000, 3000)}, options, kGiB), 0);
 }
 
 TEST(StartChecks, AWorkerThatIsTooSmallForThePhotosDoesNotFit) {

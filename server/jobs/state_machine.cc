@@ -1,7 +1,5 @@
 #include "server/jobs/state_machine.h"
 
-#include <optional>
-
 #include "absl/strings/str_cat.h"
 #include "engine/core/check.h"
 #include "engine/core/error.h"

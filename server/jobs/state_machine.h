@@ -28,10 +28,6 @@ enum class JobAction {
 inline constexpr JobState kAllJobStates[] = {JobState::kUploading, JobState::kQueued,
                                              JobState::kRunning,   JobState::kSucceeded,
                                              JobState::kFailed,    JobState::kCancelled};
-inline constexpr JobAction kAllJobActions[] = {
-    JobAction::kUpload,  JobAction::kStart,  JobAction::kCancel, JobAction::kResume,
-    JobAction::kExtend,  JobAction::kRemove, JobAction::kLease,  JobAction::kReport,
-    JobAction::kSucceed, JobAction::kFail,   JobAction::kStop,   JobAction::kRequeue};
 
 std::string_view JobStateName(JobState state);  // "UPLOADING", ...
 

@@ -9,6 +9,11 @@
 namespace litags {
 namespace {
 
+constexpr JobAction kAllJobActions[] = {
+    JobAction::kUpload,  JobAction::kStart,  JobAction::kCancel, JobAction::kResume,
+    JobAction::kExtend,  JobAction::kRemove, JobAction::kLease,  JobAction::kReport,
+    JobAction::kSucceed, JobAction::kFail,   JobAction::kStop,   JobAction::kRequeue};
+
 // The whole table, written a second time and in another shape: rows are states, columns actions in
 // the order of kAllJobActions; the letter is that of the state that follows, '.' means refused.
 // clang-format off

@@ -2,7 +2,6 @@
 #define LITAGS_SERVER_JOBS_SWEEP_MARK_H_
 
 #include <cstdint>
-#include <string>
 
 #include "server/store/job_store.h"
 

@@ -2,16 +2,16 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 #include <functional>
 
 #include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/jobs.h"
+#include "server/jobs/jobs_test_util.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/sweeper.h"
 #include "server/store/digest.h"
 #include "server/testing/faulty_blob_store.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
@@ -37,17 +37,12 @@ class SweeperTest : public ::testing::Test {
   }
 
   absl::Status Add(const std::string& id, const std::string& name, const std::string& bytes) {
-    const std::string path = data_.tmp() + "/staged";
-    std::ofstream(path) << bytes;
-    const auto size = static_cast<int64_t>(bytes.size());
-    return jobs_->uploads().Add(id, {name, FileRole::kPhoto, size, Sha256::Hex(bytes), 64, 48},
-                                path);
+    return AddFile(*jobs_, data_, id, name, bytes);
   }
 
   // A job that failed with three files, whose first had replaced the bytes "a.jpg". Its lease.
   Lease FailedJob(Leases& leases) {
-    const std::string id = jobs_->Create({})->id;
-    for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) EXPECT_TRUE(Add(id, name, name).ok());
+    const std::string id = UploadedJob(*jobs_, data_);
     EXPECT_TRUE(Add(id, "a.jpg", "other").ok());
     EXPECT_TRUE(jobs_->Start(id).ok());
     const Lease lease = **leases.Acquire("w");

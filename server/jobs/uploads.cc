@@ -20,6 +20,9 @@ namespace {
 // Signs of life are written down when the expiry would move by this part of its distance.
 constexpr double kTouchFraction = 0.1;
 
+// Each change waits for the disk once. Others wait meanwhile.
+constexpr size_t kRowsPerChange = 200;
+
 bool SameName(const FileRecord& a, const FileRecord& b) {
   return a.role == b.role && a.name == b.name;
 }
@@ -50,10 +53,6 @@ struct StoredRows {
   }
 };
 
-bool GivesCameras(const FileRecord& file) {
-  return file.role == FileRole::kCameras || file.role == FileRole::kColmap;
-}
-
 // The key of a file on its way: another one for the same bytes under another name.
 std::string PartialKey(const FileRecord& file) {
   return Sha256::Hex(absl::StrCat(static_cast<int>(file.role), "/", file.sha256, "/", file.name));
@@ -75,7 +74,7 @@ absl::StatusOr<Uploads::Present> Uploads::LookUp(Rows rows, const FileRecord& fi
   Present present;
   LITAGS_ASSIGN_OR_RETURN(present.named, rows.File(file.role, file.name));
   LITAGS_ASSIGN_OR_RETURN(present.tally, rows.Tally(file.sha256));
-  if (GivesCameras(file)) {
+  if (GivesCameras(file.role)) {
     LITAGS_ASSIGN_OR_RETURN(present.cameras, rows.Files());
   }
   return present;
@@ -181,7 +180,7 @@ absl::Status Uploads::CheckRoom(const JobRecord& job, const Present& present,
   int64_t bytes = file.size_bytes + coming.bytes + job.unreferenced_bytes + job.bytes;
   if (present.Has(file)) bytes -= present.named->size_bytes;
   for (const FileRecord& f : present.cameras) {
-    if (SameName(f, file) || !GivesCameras(f)) continue;
+    if (SameName(f, file) || !GivesCameras(f.role)) continue;
     if (f.role != file.role || file.role == FileRole::kCameras) {
       return InvalidInput("CAMERAS_TWICE", absl::StrCat("cameras[", file.name, "]"),
                           absl::StrCat("the job has the cameras of ", f.name,
@@ -244,21 +243,31 @@ absl::StatusOr<std::unique_ptr<PartialFile>> Uploads::Open(std::string_view id,
 // job takes files; what was replaced counts as the client's until Jobs::RemoveUnreferencedBlobs()
 // removes it.
 absl::Status Uploads::PutRow(std::string_view id, const FileRecord& file, int64_t returning) {
+  return PutRows(id, absl::MakeConstSpan(&file, 1), returning);
+}
+
+absl::Status Uploads::PutRows(std::string_view id, absl::Span<const FileRecord> files,
+                              int64_t returning) {
   const auto change = [&](JobTransaction& job) -> absl::Status {
     LITAGS_RETURN_IF_ERROR(NextState(job.job.state, JobAction::kUpload).status());
     if (job.job.state != JobState::kUploading) {
       return MakeError(absl::StatusCode::kFailedPrecondition, "JOB_NOT_UPLOADING", "name",
                        "the job was started, and has failed, while the file came; send it again");
     }
-    LITAGS_ASSIGN_OR_RETURN(const Present present, LookUp<JobTransaction&>(job, file));
-    int64_t& unreferenced = job.job.unreferenced_bytes;
-    if (present.tally.same_bytes == 0) unreferenced -= std::min(unreferenced, returning);
-    LITAGS_RETURN_IF_ERROR(CheckRoom(job.job, present, file, {}));
-    if (present.named && !present.Has(file)) {
-      LITAGS_RETURN_IF_ERROR(NoteReplaced(job, *present.named));
-    }
     job.job.expire_time_ms = Expiry();
-    return job.PutFile(file);
+    PartialFiles::Usage put;  // their rows are there, the job's own tells nothing of them
+    for (const FileRecord& file : files) {
+      LITAGS_ASSIGN_OR_RETURN(const Present present, LookUp<JobTransaction&>(job, file));
+      int64_t& unreferenced = job.job.unreferenced_bytes;
+      if (present.tally.same_bytes == 0) unreferenced -= std::min(unreferenced, returning);
+      LITAGS_RETURN_IF_ERROR(CheckRoom(job.job, present, file, put));
+      if (present.named && !present.Has(file)) {
+        LITAGS_RETURN_IF_ERROR(NoteReplaced(job, *present.named));
+      }
+      put.bytes += file.size_bytes - (present.named ? present.named->size_bytes : 0);
+      LITAGS_RETURN_IF_ERROR(job.PutFile(file));
+    }
+    return absl::OkStatus();
   };
   const absl::Status status = store_->Update(id, change).status();
   if (!status.ok()) NoteUnreferencedBlobs(id);
@@ -352,6 +361,38 @@ absl::StatusOr<bool> Uploads::Adopt(std::string_view id, const FileRecord& file)
   mine.name = file.name;
   LITAGS_RETURN_IF_ERROR(PutRow(id, mine, returning));
   return true;
+}
+
+absl::Status Uploads::AdoptFrom(std::string_view source, std::string_view id,
+                                absl::Span<const FileRecord> files, const CancelToken& cancel) {
+  LITAGS_RETURN_IF_ERROR(Check(id));
+  if (max_owner_bytes_ > 0) {
+    LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Get(id));
+    LITAGS_ASSIGN_OR_RETURN(const OwnerUsage usage, store_->UsageOf(job.owner));
+    int64_t bytes = usage.bytes;
+    for (const FileRecord& file : files) bytes += file.size_bytes;
+    LITAGS_RETURN_IF_ERROR(CheckByteQuota(bytes, max_owner_bytes_));
+  }
+  absl::Status status;
+  std::vector<FileRecord> linked;
+  const auto put = [&] { return PutRows(id, std::exchange(linked, {}), 0); };
+  for (const FileRecord& file : files) {
+    status = cancel.Check();
+    if (status.ok() && file.role != FileRole::kArchive) {
+      status = blobs_->Link(BlobKey(source, file.sha256), BlobKey(id, file.sha256));
+    }
+    if (absl::IsNotFound(status)) {
+      status = MakeError(absl::StatusCode::kAborted, "CLONED_FILE_GONE", "name",
+                         absl::StrCat("\"", file.name, "\" of jobs/", std::string(source),
+                                      " was deleted while it was cloned; delete jobs/",
+                                      std::string(id), ", or upload what it lacks"));
+    }
+    if (!status.ok()) break;
+    linked.push_back(file);
+    if (linked.size() == kRowsPerChange) LITAGS_RETURN_IF_ERROR(put());
+  }
+  if (!linked.empty()) LITAGS_RETURN_IF_ERROR(put());
+  return status;
 }
 
 absl::StatusOr<bool> Uploads::Remove(std::string_view id, FileRole role, std::string_view name) {

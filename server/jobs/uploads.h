@@ -15,8 +15,9 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
+#include "engine/core/cancel.h"
 #include "engine/core/limits.h"
-#include "server/jobs/kept_files.h"
 #include "server/store/blob_store.h"
 #include "server/store/job_store.h"
 #include "server/store/partial_files.h"
@@ -99,6 +100,12 @@ class Uploads {
   // the same owner. False if there is none.
   absl::StatusOr<bool> Adopt(std::string_view id, const FileRecord& file);
 
+  // The same of files of the job `source`, of the same owner, and of notes of archives. ABORTED
+  // (CLONED_FILE_GONE): that job lost one. The job `id` has those before it then; so it has those
+  // before a cancel.
+  absl::Status AdoptFrom(std::string_view source, std::string_view id,
+                         absl::Span<const FileRecord> files, const CancelToken& cancel);
+
   // Takes a file out of the job again, and with it the notes of NoteArchive(), whichever archive it
   // came from. False if there is none of this role and name.
   absl::StatusOr<bool> Remove(std::string_view id, FileRole role, std::string_view name);
@@ -144,6 +151,7 @@ class Uploads {
   void RemoveKept(std::string_view id, const std::string& kept);
   // `returning`: see CheckAdd().
   absl::Status PutRow(std::string_view id, const FileRecord& file, int64_t returning);
+  absl::Status PutRows(std::string_view id, absl::Span<const FileRecord> files, int64_t returning);
   // Returns how many bytes of JobRecord::unreferenced_bytes are the file's own, which was removed.
   absl::StatusOr<int64_t> CheckAdd(std::string_view id, const FileRecord& file);
   void NoteUnreferencedBlobs(std::string_view id);

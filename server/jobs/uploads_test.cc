@@ -9,13 +9,14 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/jobs.h"
+#include "server/jobs/jobs_test_util.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/uploads_test_util.h"
 #include "server/store/digest.h"
 #include "server/testing/faulty_blob_store.h"
 #include "server/testing/forwarding_job_store.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
@@ -288,9 +289,8 @@ TEST_F(UploadsTest, FilesThatComeAfterOneWasRemovedListNoBlobs) {
   ASSERT_TRUE(Add(id, "a.jpg", "a.jpg").ok());
   ASSERT_TRUE(*uploads().Remove(id, FileRole::kPhoto, "a.jpg"));
   for (int i = 0; i < 10; ++i) {
-    const std::string name = absl::StrCat(i, ".jpg"), path = data_.tmp() + "/staged";
-    std::ofstream(path) << name;
-    ASSERT_TRUE(jobs.uploads().Add(id, Photo(name, name), path).ok());
+    const std::string name = absl::StrCat(i, ".jpg");
+    ASSERT_TRUE(AddFile(jobs, data_, id, name, name).ok());
   }
   EXPECT_EQ(store_->Get(id)->unreferenced_bytes, 5);
   EXPECT_EQ(blobs.calls, 0);

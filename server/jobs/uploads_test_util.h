@@ -9,11 +9,11 @@
 #include <memory>
 #include <string>
 
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/sweeper.h"
 #include "server/jobs/uploads.h"
 #include "server/store/digest.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 

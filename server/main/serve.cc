@@ -8,7 +8,6 @@
 #include <atomic>
 #include <cstdio>
 #include <memory>
-#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -33,6 +32,7 @@
 #include "server/reader/file_reader.h"
 #include "server/reader/read_files_main.h"
 #include "server/store/open_stores.h"
+#include "server/webhooks/post.h"
 #include "server/webhooks/webhook_sender.h"
 #include "server/worker/supervisor.h"
 

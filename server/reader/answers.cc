@@ -22,7 +22,8 @@ absl::Status ParseVerdict(std::string_view packet, const std::string& field, Fil
       !absl::SimpleAtoi(texts[0], &code) || !absl::SimpleAtoi(texts[4], &width) ||
       !absl::SimpleAtoi(texts[5], &height) || width < 0 || width > kMaxImageSide || height < 0 ||
       height > kMaxImageSide ||
-      (!texts[6].empty() && !ParsePhotoFindings(texts[6]) && !ParseVideoFindings(texts[6]))) {
+      (!texts[6].empty() && !ParsePhotoFindings(texts[6]) && !ParseVideoFindings(texts[6]) &&
+       !ParseCameraFindings(texts[6]))) {
     return CheckFailed(field, "gave no answer");
   }
   if (code == 0) {

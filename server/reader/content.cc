@@ -1,5 +1,7 @@
 #include "server/reader/content.h"
 
+#include <vector>
+
 #include "engine/core/error.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/colmap_io.h"
@@ -42,6 +44,11 @@ absl::StatusOr<Content> CheckDepth(std::string_view bytes, const std::string& fi
   return Content{size.width, size.height, ""};
 }
 
+Content OfCameras(const std::vector<std::string>& paths) {
+  if (paths.empty()) return {};
+  return {0, 0, Encode(CameraFindings::Of(paths))};
+}
+
 }  // namespace
 
 absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role, const std::string& name,
@@ -53,9 +60,10 @@ absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role, cons
       LITAGS_ASSIGN_OR_RETURN(const PlaneU8 mask, DecodeMask(bytes, field));
       return Content{mask.width, mask.height, ""};
     }
-    case FileRole::kCameras:
-      LITAGS_RETURN_IF_ERROR(CheckCameras(bytes, field));
-      break;
+    case FileRole::kCameras: {
+      LITAGS_ASSIGN_OR_RETURN(const auto paths, CheckCameras(bytes, field));
+      return OfCameras(paths);
+    }
     case FileRole::kDepth:
       return CheckDepth(bytes, field);
     case FileRole::kVideo: {
@@ -63,9 +71,10 @@ absl::StatusOr<Content> CheckContent(std::string_view bytes, FileRole role, cons
       const VideoFindings findings{video.seconds, static_cast<double>(video.frames)};
       return Content{video.width, video.height, Encode(findings)};
     }
-    case FileRole::kColmap:
-      LITAGS_RETURN_IF_ERROR(CheckColmapFile(name, bytes, field));
-      break;
+    case FileRole::kColmap: {
+      LITAGS_ASSIGN_OR_RETURN(const auto paths, CheckColmapFile(name, bytes, field));
+      return OfCameras(paths);
+    }
     case FileRole::kArchive:  // has files of its own
       break;
   }

@@ -12,7 +12,7 @@ namespace litags {
 // What a file holds.
 struct Content {
   int width = 0, height = 0;  // px; 0 of cameras and COLMAP's files
-  std::string about;          // of a photo or a video: its findings (file_findings.h)
+  std::string about;          // its findings (file_findings.h); empty: none
 };
 
 // Reads a file, in this process, as what its role says it is, and of COLMAP's files its name. Not

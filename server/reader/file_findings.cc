@@ -3,22 +3,28 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <vector>
+#include <utility>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
 #include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
-#include "absl/types/span.h"
+#include "engine/core/utf8.h"
+#include "engine/io/file_util.h"
 
 namespace litags {
 namespace {
 
 // The first word of the line. Another order or meaning of the others gets another.
-constexpr char kPhotoVersion[] = "4", kVideoVersion[] = "video1";
+constexpr char kPhotoVersion[] = "4", kVideoVersion[] = "video1", kCamerasVersion[] = "cameras1";
 constexpr char kOneColor[] = "-";  // instead of a fingerprint
 constexpr size_t kMaxFingerprint = 16;
 constexpr double kMaxNumber = 1e9;
+constexpr size_t kMaxCameraPath = 255;    // bytes
+constexpr size_t kMaxCameraKeys = 10000;  // with the path in one packet (channel.h), as base64
+constexpr size_t kKeyBytes = sizeof(uint32_t);
 
 // In the order of the line.
 template <typename Findings>
@@ -44,7 +50,30 @@ bool ReadNumbers(const std::vector<std::string>& words, const char* version,
   return true;
 }
 
+// FNV-1a.
+uint32_t HashOf(std::string_view text) {
+  uint32_t hash = 0x811C9DC5;
+  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 0x01000193;
+  return hash;
+}
+
 }  // namespace
+
+CameraFindings CameraFindings::Of(absl::Span<const std::string> paths) {
+  CameraFindings findings;
+  findings.path = Utf8Prefix(paths.front(), kMaxCameraPath);
+  std::vector<uint32_t>& keys = findings.keys;
+  for (const std::string& path : paths) {
+    for (const std::string& key : KeysOf(path)) keys.push_back(HashOf(key));
+  }
+  std::sort(keys.begin(), keys.end());
+  keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+  return findings;
+}
+
+bool CameraFindings::MayHave(std::string_view photo) const {
+  return std::binary_search(keys.begin(), keys.end(), HashOf(StemKey(photo)));
+}
 
 std::string Encode(const PhotoFindings& findings) {
   std::string line = kPhotoVersion;
@@ -57,6 +86,16 @@ std::string Encode(const PhotoFindings& findings) {
 
 std::string Encode(const VideoFindings& findings) {
   return absl::StrFormat("%s %.6g %.9g", kVideoVersion, findings.seconds, findings.frames);
+}
+
+std::string Encode(const CameraFindings& findings) {
+  if (findings.keys.size() > kMaxCameraKeys) return "";
+  std::string bytes;
+  for (const uint32_t key : findings.keys) {
+    for (size_t i = 0; i < kKeyBytes; ++i) bytes.push_back(static_cast<char>(key >> (8 * i)));
+  }
+  return absl::StrCat(kCamerasVersion, " ", absl::Base64Escape(findings.path), " ",
+                      absl::Base64Escape(bytes));
 }
 
 std::optional<PhotoFindings> ParsePhotoFindings(std::string_view about) {
@@ -81,6 +120,27 @@ std::optional<VideoFindings> ParseVideoFindings(std::string_view about) {
                     ReadNumbers(words, kVideoVersion, {&findings.seconds, &findings.frames}) &&
                     findings.seconds >= 0 && findings.frames >= 0;
   return read ? std::optional(findings) : std::nullopt;
+}
+
+std::optional<CameraFindings> ParseCameraFindings(std::string_view about) {
+  const std::vector<std::string> words = Words(about);
+  CameraFindings findings;
+  std::string bytes;
+  if (words.size() != 3 || words.front() != kCamerasVersion ||
+      !absl::Base64Unescape(words[1], &findings.path) || !absl::Base64Unescape(words[2], &bytes) ||
+      findings.path.size() > kMaxCameraPath || !IsUtf8(findings.path) ||
+      bytes.size() % kKeyBytes != 0 || bytes.size() > kMaxCameraKeys * kKeyBytes) {
+    return std::nullopt;
+  }
+  for (size_t at = 0; at < bytes.size(); at += kKeyBytes) {
+    uint32_t key = 0;
+    for (size_t i = 0; i < kKeyBytes; ++i) {
+      key |= uint32_t{static_cast<unsigned char>(bytes[at + i])} << (8 * i);
+    }
+    findings.keys.push_back(key);
+  }
+  const bool sorted = std::is_sorted(findings.keys.begin(), findings.keys.end());
+  return sorted ? std::optional(std::move(findings)) : std::nullopt;
 }
 
 }  // namespace litags

@@ -77,11 +77,6 @@ void Handle(int signal, void (*handler)(int)) {
   sigaction(signal, &action, nullptr);
 }
 
-void Limit(__rlimit_resource resource, int64_t value, int64_t more = 0) {
-  const rlimit limit = {static_cast<rlim_t>(value), static_cast<rlim_t>(value + more)};
-  setrlimit(resource, &limit);
-}
-
 // Hands what is unpacked to the server.
 class SendingSink : public ArchiveSink {
  public:
@@ -166,9 +161,9 @@ struct Request {
   // What it says about a file is in its answer. A hostile one could fill the log.
   const int null_fd = open("/dev/null", O_WRONLY);
   for (const int fd : {STDOUT_FILENO, STDERR_FILENO}) dup2(null_fd, fd);
-  Limit(RLIMIT_FSIZE, 0);
-  if (!kBuiltWithSanitizer) Limit(RLIMIT_DATA, request.numbers[1]);
-  Limit(RLIMIT_CPU, request.numbers[2], 2);
+  LimitResource(RLIMIT_FSIZE, 0);
+  if (!kBuiltWithSanitizer) LimitResource(RLIMIT_DATA, request.numbers[1]);
+  LimitResource(RLIMIT_CPU, request.numbers[2], 2);
   filter.Apply();
 
   if (request.kind == packet::kUnpack) {
@@ -198,7 +193,7 @@ void LoadLibraries() {
 
 int ReadFilesMain() {
   const Channel control{UniqueFd(STDIN_FILENO)};
-  Limit(RLIMIT_CORE, 0);  // it would hold photos
+  LimitResource(RLIMIT_CORE, 0);  // it would hold photos
   LoadLibraries();
   const SyscallFilter filter = SyscallFilter::ForComputing();
   if (!SyscallFilter::Supported()) {

@@ -4,14 +4,14 @@
 #include <unistd.h>
 
 #include <atomic>
-#include <chrono>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <thread>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
 #include "engine/core/sandbox.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/testing_photos.h"
 #include "engine/video/testing_video.h"
 #include "server/reader/channel.h"
@@ -20,7 +20,6 @@
 #include "server/testing/archives.h"
 #include "server/testing/eventually.h"
 #include "server/testing/photos.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
@@ -196,6 +195,41 @@ TEST_F(RemoteReaderTest, FilesOfAColmapModelAreReadAsTheirNamesSay) {
   EXPECT_EQ(check("cameras.txt"), absl::OkStatus());
   EXPECT_EQ(Reason(check("images.txt")), "MODEL_CORRUPT");
   EXPECT_EQ(Reason(check("cameras.bin")), "MODEL_TRUNCATED");
+}
+
+TEST_F(RemoteReaderTest, TheNamesOfCamerasPhotosAreFound) {
+  const auto check = [&](int count) {
+    std::string images;
+    for (int i = 1; i <= count; ++i) {
+      absl::StrAppend(&images, i, " 1 0 0 0 0 0 ", i, " 1 left/", i, ".jpg\n\n");
+    }
+    return Check(images, FileRole::kColmap, "images.txt");
+  };
+  ASSERT_EQ(check(4000), absl::OkStatus());
+  EXPECT_EQ(about_, "") << "more keys than a row should hold";
+  ASSERT_EQ(check(2000), absl::OkStatus());
+  const auto cameras = ParseCameraFindings(about_);
+  ASSERT_TRUE(cameras);
+  EXPECT_EQ(cameras->path, "left/1.jpg");
+  EXPECT_TRUE(cameras->MayHave("7.png"));
+  EXPECT_TRUE(cameras->MayHave("left_7.jpg"));
+  EXPECT_FALSE(cameras->MayHave("right_7.jpg"));
+  ASSERT_EQ(Check("1 PINHOLE 64 48 50 50 32 24\n", FileRole::kColmap, "cameras.txt"),
+            absl::OkStatus());
+  EXPECT_EQ(about_, "");
+}
+
+TEST(CameraFindings, AreTakenAsTheyAreWrittenOnly) {
+  const std::string about = Encode(CameraFindings::Of({"a.jpg", "b.jpg"}));
+  const auto read = ParseCameraFindings(about);
+  ASSERT_TRUE(read);
+  EXPECT_EQ(Encode(*read), about);
+  for (const char* other : {"", "cameras1", "cameras1 YQ==", "cameras1 YQ== AAAA",
+                            "cameras1 YQ== A", "cameras1 /w== AAAAAA==", "cameras2 YQ== AAAAAA==",
+                            "cameras1 YQ== AgAAAAEAAAA=", "cameras1 YQ== AAAAAA== x"}) {
+    EXPECT_FALSE(ParseCameraFindings(other)) << other;
+  }
+  EXPECT_TRUE(ParseCameraFindings("cameras1 YQ== AAAAAA=="));
 }
 
 // As the engine does, which trains its photo without.

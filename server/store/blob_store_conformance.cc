@@ -6,10 +6,10 @@
 #include <fstream>
 
 #include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/store/digest.h"
 #include "server/store/upload_chunks.h"
 #include "server/testing/blob_store_kind.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

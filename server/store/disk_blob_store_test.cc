@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <fstream>
 
+#include "engine/core/temp_dir_test_util.h"
 #include "server/store/file_error.h"
 #include "server/testing/blob_store_kind.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 

@@ -97,6 +97,10 @@ enum class FileRole {
   kVideo = 7,
 };
 
+inline bool GivesCameras(FileRole role) {
+  return role == FileRole::kCameras || role == FileRole::kColmap;
+}
+
 struct FileRecord {
   std::string name;
   FileRole role = FileRole::kPhoto;

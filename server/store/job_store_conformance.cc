@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "server/store/job_store.h"
 #include "server/testing/job_store_kind.h"
 

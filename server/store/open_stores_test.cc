@@ -6,7 +6,7 @@
 #include <cstdlib>
 
 #include "engine/core/error.h"
-#include "server/testing/temp_dir.h"
+#include "engine/core/temp_dir_test_util.h"
 
 namespace litags {
 namespace {

@@ -8,7 +8,7 @@
 #include <iterator>
 
 #include "engine/core/error_test_util.h"
-#include "server/testing/temp_dir.h"
+#include "engine/core/temp_dir_test_util.h"
 
 namespace litags {
 namespace {

@@ -3,7 +3,6 @@
 #include <mutex>
 #include <thread>
 
-#include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/store/postgres_listener.h"
 #include "server/store/postgres_migrations.h"

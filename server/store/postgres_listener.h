@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "absl/status/status.h"
-#include "server/store/postgres.h"
+#include "server/store/job_store.h"
 
 namespace litags {
 

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <chrono>
 
-#include "engine/core/error.h"
-
 namespace litags {
 namespace {
 

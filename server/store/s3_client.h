@@ -3,9 +3,7 @@
 #ifndef LITAGS_SERVER_STORE_S3_CLIENT_H_
 #define LITAGS_SERVER_STORE_S3_CLIENT_H_
 
-#include <cstdint>
 #include <map>
-#include <memory>
 #include <mutex>
 #include <string>
 #include <string_view>

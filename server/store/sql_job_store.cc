@@ -2,6 +2,7 @@
 
 #include "engine/core/error.h"
 #include "server/store/digest.h"
+#include "server/store/sql_files.h"
 #include "server/store/sql_queue.h"
 
 namespace litags {

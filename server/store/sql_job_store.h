@@ -15,7 +15,6 @@
 #include "engine/core/error.h"
 #include "server/store/job_store.h"
 #include "server/store/sql.h"
-#include "server/store/sql_files.h"
 #include "server/store/sql_jobs.h"
 
 namespace litags {

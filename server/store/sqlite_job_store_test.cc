@@ -9,13 +9,13 @@
 
 #include "absl/strings/str_join.h"
 #include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/store/job_store.h"
 #include "server/store/sql_files.h"
 #include "server/store/sql_jobs.h"
 #include "server/store/sqlite.h"
 #include "server/store/sqlite_migrations.h"
 #include "server/testing/no_room.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

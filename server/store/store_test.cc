@@ -1,7 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <chrono>
 #include <filesystem>
@@ -9,10 +8,9 @@
 #include <thread>
 
 #include "engine/core/error_test_util.h"
-#include "server/store/blob_store.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/store/data_dir.h"
 #include "server/store/digest.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

@@ -5,10 +5,10 @@
 #include <filesystem>
 
 #include "engine/core/sync_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/store/blob_store.h"
 #include "server/store/job_store.h"
 #include "server/store/partial_files.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

@@ -1,6 +1,5 @@
 // Who may do what, over real sockets with TLS: every call of every service, by its job's owner, by
 // another client, by an administrator, and by nobody.
-#include <gmock/gmock.h>
 #include <google/protobuf/descriptor.h>
 #include <grpcpp/generic/generic_stub.h>
 #include <gtest/gtest.h>

@@ -7,10 +7,10 @@
 #include <string>
 #include <thread>
 
+#include "engine/core/temp_dir_test_util.h"
 #include "server/api/server.h"
 #include "server/jobs/leases.h"
 #include "server/testing/fake_engine.h"
-#include "server/testing/temp_dir.h"
 #include "server/testing/test_client.h"
 #include "server/worker/worker.h"
 
@@ -43,6 +43,14 @@ class ApiTest : public ::testing::Test {
       options.progress_seconds = 0.02;
       RunWorker({store_.get(), blobs_.get(), &leases_, engine_.get(), data_}, options, stop_);
     });
+  }
+
+  // A job that the worker, which begins with it, has done.
+  std::string FinishedJob() {
+    StartWorker();
+    const std::string job = client_.StartedJob({"a", "b", "c"}, 10);
+    client_.WaitFor(job, v1::JOB_STATE_SUCCEEDED);
+    return job;
   }
 
   std::string NewJob() {

@@ -5,7 +5,6 @@
 #include <atomic>
 #include <functional>
 #include <map>
-#include <set>
 
 #include "engine/core/sandbox.h"
 #include "server/api/convert.h"

@@ -39,6 +39,9 @@ class CircleScene : public Scene {
   absl::Status ExportFullPly(const std::string&) const override {
     return absl::UnimplementedError("nothing to write");
   }
+  absl::Status Save(const std::string&) const override {
+    return absl::UnimplementedError("nothing to write");
+  }
 
  private:
   std::vector<View> views_;

@@ -6,11 +6,11 @@
 
 namespace litags {
 
-// Whether `condition` becomes true within so many seconds; looks every 10 ms.
+// Whether `condition` becomes true within 20 seconds; looks every 10 ms.
 template <typename Condition>
-bool Eventually(Condition condition, double seconds = 20) {
+bool Eventually(Condition condition) {
   using Clock = std::chrono::steady_clock;
-  const auto end = Clock::now() + std::chrono::duration<double>(seconds);
+  const auto end = Clock::now() + std::chrono::seconds(20);
   while (!condition()) {
     if (Clock::now() >= end) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(10));

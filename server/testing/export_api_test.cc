@@ -17,11 +17,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 class ExportApi : public ApiTest {
  protected:
-  void SetUp() override {
-    StartWorker();
-    job_ = client_.StartedJob({"a", "b", "c"}, 10);
-    client_.WaitFor(job_, v1::JOB_STATE_SUCCEEDED);
-  }
+  void SetUp() override { job_ = FinishedJob(); }
 
   std::string job_;
 };
@@ -34,7 +30,8 @@ TEST_F(ExportApi, ExportSendsTheAnnouncedBytesAndLeavesNoFile) {
   } cases[] = {{v1::MODEL_FORMAT_PLY, 0, "light 0\n"},
                {v1::MODEL_FORMAT_UNSPECIFIED, -0.5, "light -0.5\n"},
                {v1::MODEL_FORMAT_PLY, 4, "light 4\n"},
-               {v1::MODEL_FORMAT_PLY_FULL, 0, "full "}};
+               {v1::MODEL_FORMAT_PLY_FULL, 0, "full "},
+               {v1::MODEL_FORMAT_LITAGS, 0, "own "}};
   for (const auto& [format, light, kind] : cases) {
     grpc::ClientContext context;
     v1::ExportModelRequest request;
@@ -154,11 +151,13 @@ TEST_F(ExportApi, ExportsThatCannotBeAreRefused) {
             "EXPORT_OPTION_INVALID crop");
   EXPECT_EQ(detail([](Request* r) { r->set_antialiased(true); }),
             "EXPORT_OPTION_INVALID antialiased");
-  EXPECT_EQ(detail([](Request* r) {
-              r->set_format(v1::MODEL_FORMAT_PLY_FULL);
-              r->set_max_splats(5);
-            }),
-            "EXPORT_OPTION_INVALID format");
+  for (const v1::ModelFormat format : {v1::MODEL_FORMAT_PLY_FULL, v1::MODEL_FORMAT_LITAGS}) {
+    EXPECT_EQ(detail([&](Request* r) {
+                r->set_format(format);
+                r->set_max_splats(5);
+              }),
+              "EXPORT_OPTION_INVALID format");
+  }
   EXPECT_TRUE(std::filesystem::is_empty(data_.tmp()));
 }
 

@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/image.h"
+#include "engine/io/picture_io.h"
 #include "server/api/cpu_budget.h"
 #include "server/reader/file_reader.h"
 #include "server/store/digest.h"

@@ -123,6 +123,9 @@ class FakeScene : public Scene {
   absl::Status ExportFullPly(const std::string& path) const override {
     return Write(path, absl::StrCat("full ", trained_.state));
   }
+  absl::Status Save(const std::string& path) const override {
+    return Write(path, absl::StrCat("own ", trained_.state));
+  }
 
  private:
   // Larger than one chunk of an export.

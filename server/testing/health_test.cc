@@ -6,9 +6,9 @@
 #include <thread>
 
 #include "engine/core/error.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/api/health_monitor.h"
 #include "server/testing/forwarding_job_store.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

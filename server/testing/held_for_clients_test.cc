@@ -1,6 +1,5 @@
 // What the server holds for clients that read slowly, or not at all, over real sockets.
 #include <gmock/gmock.h>
-#include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,9 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "server/testing/api_fixture.h"
 #include "server/testing/eventually.h"
 #include "server/testing/photos.h"
+#include "server/testing/slow_client_fixture.h"
 
 namespace litags {
 namespace {
@@ -45,21 +44,8 @@ class CountingEngine : public Engine {
   const std::shared_ptr<std::atomic<int>> scenes_ = std::make_shared<std::atomic<int>>(0);
 };
 
-class HeldForClients : public ApiTest {
+class HeldForClients : public SlowClientTest {
  protected:
-  // A server that renders what the store has, and a client of it that takes in little by itself.
-  void Serve(ServerOptions options, Engine* engine) {
-    options.listen = "127.0.0.1:0";
-    server_ = *StartServer(options, &jobs_, engine);
-    const std::string address = "127.0.0.1:" + std::to_string(server_->port());
-    const auto credentials = grpc::InsecureChannelCredentials();
-    client_ = TestClient(grpc::CreateChannel(address, credentials));
-    grpc::ChannelArguments arguments;
-    arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
-    arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 64 << 10);
-    slow_client_ = TestClient(grpc::CreateCustomChannel(address, credentials, arguments));
-  }
-
   int SnapshotOf(const std::string& job) {
     v1::Job now;
     EXPECT_TRUE(client_.Get(job, &now).ok());
@@ -81,22 +67,6 @@ class HeldForClients : public ApiTest {
     EXPECT_TRUE(client_.Start(job.name()).ok());
     return job.name();
   }
-
-  using PathReader = std::unique_ptr<grpc::ClientReader<v1::RenderPathResponse>>;
-  // Large frames, so that few of them are on their way.
-  PathReader OpenPath(grpc::ClientContext* call, const std::string& job, int frames) {
-    call->set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
-    v1::RenderPathRequest path;
-    path.set_name(job);
-    path.mutable_orbit()->set_radius_scale(1);
-    path.set_frames(frames);
-    path.mutable_settings()->set_width(300);
-    path.mutable_settings()->set_height(300);
-    path.mutable_settings()->set_format(v1::PICTURE_FORMAT_RAW_FLOAT);
-    return slow_client_.render->RenderPath(call, path);
-  }
-
-  TestClient slow_client_{server_->InProcessChannel()};
 };
 
 TEST_F(HeldForClients, PathsThatAreReadSlowlyKeepNoOldSnapshots) {

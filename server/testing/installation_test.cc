@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/sweeper.h"
 #include "server/store/digest.h"
@@ -18,7 +19,6 @@
 #include "server/testing/postgres_server.h"
 #include "server/testing/s3_server.h"
 #include "server/testing/server_process.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

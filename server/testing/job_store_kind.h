@@ -9,7 +9,6 @@
 #include <string_view>
 
 #include "absl/status/statusor.h"
-#include "engine/core/error_test_util.h"
 #include "server/store/job_store.h"
 
 namespace litags {

@@ -2,15 +2,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <fstream>
 #include <set>
 #include <string>
 #include <thread>
 #include <utility>
 #include <vector>
 
+#include "server/jobs/jobs_test_util.h"
 #include "server/jobs/leases.h"
-#include "server/store/digest.h"
 #include "server/testing/access_fixture.h"
 #include "server/testing/photos.h"
 
@@ -166,15 +165,7 @@ class JobCapsOfClients : public Limits {
     const auto alice = jobs_.For({.owner = "alice"});
     NewJob wanted;
     wanted.options = options;
-    const std::string id = alice->Create(wanted)->id;
-    for (const char* name : {"a.png", "b.png", "c.png"}) {
-      const std::string path = data_.tmp() + "/photo";
-      std::ofstream(path) << name;
-      EXPECT_TRUE(alice->uploads()
-                      .Add(id, {name, FileRole::kPhoto, 5, Sha256::Hex(name), 64, 48}, path)
-                      .ok());
-    }
-    return "jobs/" + id;
+    return "jobs/" + UploadedJob(*alice, data_, wanted);
   }
 };
 

@@ -221,7 +221,9 @@ TEST_F(ManageApi, AnUpdateTakesWhatItsMaskNames) {
     EXPECT_REFUSED(Update(request, &job), INVALID_ARGUMENT, "UPDATE_MASK_INVALID", "update_mask");
   }
   request.mutable_update_mask()->clear_paths();
-  for (const char* path : {"labels.a", "labels.c", "policy.priority", "policy.retention"}) {
+  request.mutable_job()->mutable_policy()->add_worker_labels("site-b");
+  for (const char* path :
+       {"labels.a", "labels.c", "policy.priority", "policy.retention", "policy.worker_labels"}) {
     request.mutable_update_mask()->add_paths(path);
   }
   const grpc::Status status = Update(request, &job);
@@ -231,6 +233,7 @@ TEST_F(ManageApi, AnUpdateTakesWhatItsMaskNames) {
   EXPECT_EQ(labels, (std::map<std::string, std::string>{{"b", "2"}, {"c", "3"}}));
   EXPECT_EQ(job.policy().priority(), -7);
   EXPECT_EQ(job.policy().retention().seconds(), 60);
+  EXPECT_THAT(job.policy().worker_labels(), ElementsAre("site-b"));
 
   const std::string etag = job.etag();
   request.mutable_update_mask()->clear_paths();
@@ -384,7 +387,7 @@ TEST_F(ManageApi, SeveralJobsAreDeletedAndTheOthersNamed) {
   EXPECT_THAT(Listed({}), IsEmpty());
   for (int i = 0; i < 100; ++i) request.add_names("jobs/x");
   EXPECT_REFUSED(Call(&v1::ReconstructionService::Stub::BatchDeleteJobs, request, &response),
-                 INVALID_ARGUMENT, "TOO_MANY_JOBS", "names");
+                 INVALID_ARGUMENT, "TOO_MANY_IN_CALL", "names");
 }
 
 // Its database cannot be reached.

@@ -11,13 +11,13 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/jobs.h"
 #include "server/jobs/kept_files.h"
 #include "server/jobs/leases.h"
 #include "server/store/digest.h"
 #include "server/testing/postgres_server.h"
 #include "server/testing/s3_server.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "engine/core/check.h"
 #include "engine/core/image.h"
-#include "engine/io/image_io.h"
+#include "engine/io/picture_io.h"
 
 namespace litags {
 

@@ -7,6 +7,8 @@
 #include <thread>
 #include <utility>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/leases.h"
 #include "server/store/postgres.h"
 #include "server/store/postgres_listener.h"
@@ -15,7 +17,6 @@
 #include "server/testing/eventually.h"
 #include "server/testing/job_store_kind.h"
 #include "server/testing/postgres_server.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

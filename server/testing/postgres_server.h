@@ -9,7 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "server/testing/temp_dir.h"
+#include "engine/core/temp_dir_test_util.h"
 
 namespace litags {
 

@@ -4,10 +4,9 @@
 #include <sys/types.h>
 
 #include <memory>
-#include <string>
 
+#include "engine/core/temp_dir_test_util.h"
 #include "server/store/blob_store.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 

@@ -8,11 +8,11 @@
 #include <filesystem>
 #include <thread>
 
+#include "engine/core/temp_dir_test_util.h"
 #include "server/testing/eventually.h"
 #include "server/testing/free_port.h"
 #include "server/testing/postgres_server.h"
 #include "server/testing/server_process.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

@@ -1,8 +1,8 @@
 #include "absl/strings/str_cat.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/store/open_stores.h"
 #include "server/store/sqlite_migrations.h"
 #include "server/testing/job_store_kind.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

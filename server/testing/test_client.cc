@@ -125,10 +125,10 @@ grpc::Status TestClient::Get(const std::string& name, v1::Job* job) {
   return jobs->GetJob(&call, Named<v1::GetJobRequest>(name), job);
 }
 
-grpc::Status TestClient::Cancel(const std::string& name, v1::Job* job) {
+grpc::Status TestClient::Cancel(const std::string& name) {
   Call call;
   v1::Job unused;
-  return jobs->CancelJob(&call, Named<v1::CancelJobRequest>(name), job ? job : &unused);
+  return jobs->CancelJob(&call, Named<v1::CancelJobRequest>(name), &unused);
 }
 
 grpc::Status TestClient::Resume(const std::string& name, v1::Job* job) {

@@ -5,7 +5,6 @@
 
 #include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "engine/core/error.h"
@@ -40,7 +39,7 @@ class TestClient {
   grpc::Status UploadRaw(const std::vector<v1::UploadImagesRequest>& messages);
   grpc::Status Start(const std::string& name, v1::Job* job = nullptr);
   grpc::Status Get(const std::string& name, v1::Job* job);
-  grpc::Status Cancel(const std::string& name, v1::Job* job = nullptr);
+  grpc::Status Cancel(const std::string& name);
   grpc::Status Resume(const std::string& name, v1::Job* job = nullptr);
   grpc::Status Resume(const v1::ResumeJobRequest& request, v1::Job* job = nullptr);
   grpc::Status Delete(const std::string& name);

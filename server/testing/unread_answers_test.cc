@@ -1,13 +1,13 @@
 // Clients that ask for much and do not read it.
 #include <gmock/gmock.h>
-#include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
-#include <chrono>
+#include <memory>
+#include <string>
 #include <thread>
 
-#include "server/testing/api_fixture.h"
 #include "server/testing/eventually.h"
+#include "server/testing/slow_client_fixture.h"
 
 namespace litags {
 namespace {
@@ -15,14 +15,10 @@ namespace {
 using ::testing::HasSubstr;
 
 // Pictures of 1.1 MB, twice in the server, and room for 4 MB, of which one client may have half.
-class UnreadAnswers : public ApiTest {
+class UnreadAnswers : public SlowClientTest {
  protected:
-  using PathReader = std::unique_ptr<grpc::ClientReader<v1::RenderPathResponse>>;
-
   void SetUp() override {
-    StartWorker();
-    job_ = client_.StartedJob({"a", "b", "c"}, 10);
-    client_.WaitFor(job_, v1::JOB_STATE_SUCCEEDED);
+    job_ = FinishedJob();
     SetLarge(view_.mutable_settings());
     view_.set_name(job_);
     view_.mutable_pose()->set_camera("b.png");
@@ -30,34 +26,9 @@ class UnreadAnswers : public ApiTest {
 
   void Serve(double max_unread_seconds) {
     ServerOptions options = Options();
-    options.listen = "127.0.0.1:0";
     options.answers.max_unread_seconds = max_unread_seconds;
     options.answers.max_unread_bytes = 4'000'000;
-    server_ = *StartServer(options, &jobs_, engine_.get());
-    const std::string address = "127.0.0.1:" + std::to_string(server_->port());
-    const auto credentials = grpc::InsecureChannelCredentials();
-    client_ = TestClient(grpc::CreateChannel(address, credentials));
-    grpc::ChannelArguments arguments;  // gRPC takes in some MB by itself, unless told not to
-    arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
-    arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 64 << 10);
-    slow_channel_ = grpc::CreateCustomChannel(address, credentials, arguments);
-    slow_client_ = TestClient(slow_channel_);
-  }
-
-  static void SetLarge(v1::RenderSettings* settings) {
-    settings->set_width(300);
-    settings->set_height(300);
-    settings->set_format(v1::PICTURE_FORMAT_RAW_FLOAT);
-  }
-
-  PathReader OpenPath(grpc::ClientContext* call, int frames) {
-    call->set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
-    v1::RenderPathRequest path;
-    path.set_name(job_);
-    path.mutable_orbit()->set_radius_scale(1);
-    path.set_frames(frames);
-    SetLarge(path.mutable_settings());
-    return slow_client_.render->RenderPath(call, path);
+    SlowClientTest::Serve(options, engine_.get());
   }
 
   std::string ViewRefusal() {
@@ -72,8 +43,6 @@ class UnreadAnswers : public ApiTest {
 
   std::string job_;
   v1::RenderViewRequest view_;
-  std::shared_ptr<grpc::Channel> slow_channel_;
-  TestClient slow_client_{server_->InProcessChannel()};
 };
 
 template <typename Message>
@@ -86,7 +55,7 @@ int ReadAll(grpc::ClientReader<Message>& reader) {
 TEST_F(UnreadAnswers, PathIsCutOffAndItsMemoryFreed) {
   Serve(/*max_unread_seconds=*/3);
   grpc::ClientContext call;
-  const PathReader reader = OpenPath(&call, 50);
+  const PathReader reader = OpenPath(&call, job_, 50);
   EXPECT_TRUE(BecomesRefused(true));  // the first frame fills the client's half
   EXPECT_TRUE(BecomesRefused(false));
   EXPECT_LT(ReadAll(*reader), 50);
@@ -114,9 +83,9 @@ TEST_F(UnreadAnswers, PictureIsCutOffAndItsMemoryFreed) {
 TEST_F(UnreadAnswers, PathsWaitForRoomAndThenGoOn) {
   Serve(/*max_unread_seconds=*/30);
   grpc::ClientContext first_call, second_call;
-  const PathReader first = OpenPath(&first_call, 5);
+  const PathReader first = OpenPath(&first_call, job_, 5);
   ASSERT_TRUE(BecomesRefused(true));
-  const PathReader second = OpenPath(&second_call, 5);
+  const PathReader second = OpenPath(&second_call, job_, 5);
   std::thread first_reader([&] { EXPECT_EQ(ReadAll(*first), 5); });
   EXPECT_EQ(ReadAll(*second), 5);
   first_reader.join();

@@ -5,7 +5,6 @@
 
 #include <atomic>
 #include <chrono>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -13,6 +12,7 @@
 #include <thread>
 
 #include "engine/core/limits.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
@@ -23,7 +23,6 @@
 #include "server/testing/archives.h"
 #include "server/testing/faulty_blob_store.h"
 #include "server/testing/photos.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
@@ -388,7 +387,7 @@ TEST_F(UploadApi, QueriesAreCheckedAsUploadsAre) {
   EXPECT_REFUSED(client_.Query(name, {{"../a.jpg", "x"}}, &response), INVALID_ARGUMENT,
                  "BAD_FILE_NAME", "images[../a.jpg]");
   EXPECT_REFUSED(client_.Query(name, std::vector<TestFile>(1001, {"a.jpg", "x"}), &response),
-                 INVALID_ARGUMENT, "TOO_MANY_FILES", "files");
+                 INVALID_ARGUMENT, "TOO_MANY_IN_CALL", "files");
   ASSERT_TRUE(client_.Cancel(name).ok());
   EXPECT_REFUSED(client_.Query(name, {{"a.jpg", "x"}}, &response), FAILED_PRECONDITION,
                  "JOB_NOT_UPLOADING", "name");

@@ -5,7 +5,6 @@
 #include <grpcpp/channel.h>
 #include <grpcpp/generic/generic_stub.h>
 
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>

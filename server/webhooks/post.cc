@@ -1,7 +1,6 @@
 #include "server/webhooks/post.h"
 
 #include <curl/curl.h>
-#include <unistd.h>
 
 #include <memory>
 

@@ -4,17 +4,16 @@
 
 #include <functional>
 #include <map>
-#include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
 #include "server/jobs/webhook.h"
 #include "server/store/job_store.h"
-#include "server/webhooks/post.h"
 
 namespace litags {
 

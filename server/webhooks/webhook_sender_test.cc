@@ -5,17 +5,16 @@
 
 #include <atomic>
 #include <chrono>
-#include <fstream>
 #include <future>
 #include <map>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
+#include "server/jobs/jobs_test_util.h"
 #include "server/jobs/leases.h"
-#include "server/store/digest.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
@@ -34,16 +33,7 @@ class WebhookSenderTest : public ::testing::Test {
   std::string StartedJob(Jobs& jobs) {
     NewJob wanted;
     wanted.webhook = {"https://example.com/hook", kSecret};
-    const std::string id = jobs.Create(wanted)->id;
-    for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) {
-      const std::string path = data_.tmp() + "/staged";
-      std::ofstream(path) << name;
-      EXPECT_TRUE(jobs.uploads()
-                      .Add(id, {name, FileRole::kPhoto, 5, Sha256::Hex(name), 64, 48}, path)
-                      .ok());
-    }
-    EXPECT_TRUE(jobs.Start(id).ok());
-    return id;
+    return litags::StartedJob(jobs, data_, wanted);
   }
   std::string StartedJob() { return StartedJob(jobs_); }
 

@@ -21,7 +21,7 @@
 #include <string>
 
 #include "engine/core/error.h"
-#include "server/testing/temp_dir.h"
+#include "engine/core/temp_dir_test_util.h"
 
 namespace litags {
 namespace {

@@ -2,6 +2,9 @@
 
 #include <spdlog/spdlog.h>
 
+#include <chrono>
+#include <utility>
+
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -10,16 +13,6 @@
 #include "server/worker/memory.h"
 
 namespace litags {
-namespace {
-
-using SteadyClock = std::chrono::steady_clock;
-
-double SecondsSince(SteadyClock::time_point t) {
-  return std::chrono::duration<double>(SteadyClock::now() - t).count();
-}
-
-}  // namespace
-
 JobMonitor::JobMonitor(const Lease& lease, const WorkerContext& context,
                        const WorkerOptions& options, CancelToken shutdown,
                        CancelToken engine_cancel)
@@ -32,15 +25,15 @@ JobMonitor::JobMonitor(const Lease& lease, const WorkerContext& context,
       max_memory_bytes_(policy_.max_memory_bytes > 0
                             ? policy_.max_memory_bytes
                             : options.has.memory_bytes - options.has.memory_bytes / 8),
-      last_heartbeat_(SteadyClock::now()),
+      last_heartbeat_(MonotonicSeconds()),
       thread_([this] { Loop(); }) {}
 
 JobMonitor::~JobMonitor() { Finish(); }
 
 int64_t JobMonitor::ran_ms() const {
   if (!engine_began_) return 0;
-  const TimePoint until = engine_ended_ ? end_ : SteadyClock::now();
-  return std::chrono::duration_cast<std::chrono::milliseconds>(until - start_).count();
+  const double until = engine_ended_ ? end_ : MonotonicSeconds();
+  return static_cast<int64_t>((until - start_) * 1000);
 }
 
 JobMonitor::StopReason JobMonitor::Finish() {
@@ -75,7 +68,7 @@ void JobMonitor::Check() {
     limit_exceeded_ = CheckLimits();
     if (!limit_exceeded_.ok()) StopEngine(StopReason::kLimit);
   }
-  const bool renew = SecondsSince(last_heartbeat_) >= options_.heartbeat_seconds;
+  const bool renew = MonotonicSeconds() - last_heartbeat_ >= options_.heartbeat_seconds;
   const auto cancel = renew ? context_.leases->Heartbeat(lease_, ran_ms())
                             : context_.leases->CancelRequested(lease_);
   if (absl::IsAborted(cancel.status())) return StopEngine(StopReason::kLeaseLost);
@@ -90,7 +83,7 @@ void JobMonitor::Check() {
   }
   if (store_is_away_) spdlog::info("job={} can renew the lease again", lease_.job.id);
   store_is_away_ = false;
-  if (renew) last_heartbeat_ = SteadyClock::now();
+  if (renew) last_heartbeat_ = MonotonicSeconds();
   if (*cancel) StopEngine(StopReason::kCancelled);
 }
 
@@ -115,14 +108,14 @@ absl::Status JobMonitor::CheckLimits() const {
 void JobMonitor::StopEngine(StopReason reason) {
   if (stop_reason_ != StopReason::kNone) return;
   stop_reason_ = reason;
-  stop_time_ = SteadyClock::now();
+  stop_time_ = MonotonicSeconds();
   engine_cancel_.Cancel();
 }
 
 void JobMonitor::GiveUpIfStuck() {
   // A file that is being fetched may be large. Only a worker that is to end cannot wait for it.
   if (!engine_began_ && !shutdown_.IsCancelled()) return;
-  if (SecondsSince(stop_time_) < options_.grace_seconds || !options_.give_up) return;
+  if (MonotonicSeconds() - stop_time_ < options_.grace_seconds || !options_.give_up) return;
   spdlog::error("job={} {} does not stop; leaving it", lease_.job.id,
                 engine_began_ ? "the engine" : "the fetching of its files");
   absl::Status status;

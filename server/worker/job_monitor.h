@@ -2,12 +2,12 @@
 #define LITAGS_SERVER_WORKER_JOB_MONITOR_H_
 
 #include <atomic>
-#include <chrono>
 #include <condition_variable>
 #include <mutex>
 #include <thread>
 
 #include "engine/core/cancel.h"
+#include "engine/core/monotonic_seconds.h"
 #include "server/jobs/leases.h"
 #include "server/worker/job_runner.h"
 
@@ -29,12 +29,12 @@ class JobMonitor {
   void NoteLeaseLost() { lease_lost_ = true; }
   // The engine is called: its time counts from now on. What comes before is the stores' time.
   void NoteEngineBegins() {
-    start_ = std::chrono::steady_clock::now();
+    start_ = MonotonicSeconds();
     engine_began_ = true;
   }
   // The engine has returned; the lease is kept for what is left to write.
   void NoteEngineEnded() {
-    end_ = std::chrono::steady_clock::now();
+    end_ = MonotonicSeconds();
     engine_ended_ = true;
   }
   // For how long the engine has run. The time of a machine that sleeps is not in it.
@@ -50,8 +50,6 @@ class JobMonitor {
   const absl::Status& limit_exceeded() const { return limit_exceeded_; }
 
  private:
-  using TimePoint = std::chrono::steady_clock::time_point;
-
   void Loop();
   void Check();  // shutdown, limits, heartbeat, cancellation
   absl::Status CheckLimits() const;
@@ -68,7 +66,7 @@ class JobMonitor {
   std::condition_variable wake_;
   bool finished_ = false;
   std::atomic<bool> lease_lost_ = false, engine_began_ = false, engine_ended_ = false;
-  TimePoint start_{}, end_{};  // set before engine_began_, engine_ended_
+  double start_ = 0, end_ = 0;  // seconds; set before engine_began_, engine_ended_
 
   // Used by the thread only.
   StopReason stop_reason_ = StopReason::kNone;
@@ -77,7 +75,7 @@ class JobMonitor {
   JobPolicy policy_;
   // Of a job that sets no limit, 7/8 of what its worker has, lest the machine run out; 0: no limit.
   int64_t max_memory_bytes_ = 0;
-  TimePoint stop_time_{}, last_heartbeat_{};
+  double stop_time_ = 0, last_heartbeat_ = 0;  // seconds
 
   std::thread thread_;
 };

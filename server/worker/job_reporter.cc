@@ -3,19 +3,19 @@
 #include <spdlog/spdlog.h>
 
 #include <cctype>
+#include <chrono>
 #include <cmath>
 #include <iterator>
 #include <utility>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "engine/core/monotonic_seconds.h"
 #include "server/store/file_error.h"
 #include "server/worker/while_away.h"
 
 namespace litags {
 namespace {
-
-using SteadyClock = std::chrono::steady_clock;
 
 constexpr double kPauseAfterFailure = 2;  // seconds
 // Of what programs say in a run, and of one entry of the log that tells it.
@@ -43,10 +43,6 @@ bool IsRefused(const absl::Status& status) { return HasReason(status, "BLOBS_DEN
 
 // A key that expires is replaced, as a store that is away comes back.
 bool IsAwayOrRefused(const absl::Status& status) { return IsAway(status) || IsRefused(status); }
-
-double SecondsSince(SteadyClock::time_point t) {
-  return std::chrono::duration<double>(SteadyClock::now() - t).count();
-}
 
 }  // namespace
 
@@ -154,7 +150,7 @@ void JobReporter::Write() {
   }
   if (lease_lost_) return;
   if (const absl::Status status = WriteLog(); !status.ok()) NoteFailure("write its log", status);
-  if (lease_lost_ || SteadyClock::now() < next_keep_) return;
+  if (lease_lost_ || MonotonicSeconds() < next_keep_) return;
   const int64_t stored = folder_->stored_bytes();
   const absl::Status status = KeepFiles();
   double pause = folder_->stored_bytes() == stored ? 0 : options_.keep_seconds;
@@ -162,8 +158,7 @@ void JobReporter::Write() {
     NoteFailure("keep its files", status);
     pause = kPauseAfterFailure;
   }
-  next_keep_ = SteadyClock::now() + std::chrono::duration_cast<SteadyClock::duration>(
-                                        std::chrono::duration<double>(pause));
+  next_keep_ = MonotonicSeconds() + pause;
 }
 
 absl::Status JobReporter::WriteWords() {
@@ -180,13 +175,13 @@ absl::Status JobReporter::WriteProgress() {
   std::optional<Progress> progress;
   {
     std::lock_guard lock(mutex_);
-    if (urgent_ || SecondsSince(last_progress_) >= options_.progress_seconds) {
+    if (urgent_ || MonotonicSeconds() - last_progress_ >= options_.progress_seconds) {
       progress.swap(progress_);
     }
     urgent_ = false;
   }
   if (!progress) return absl::OkStatus();
-  last_progress_ = SteadyClock::now();
+  last_progress_ = MonotonicSeconds();
   const absl::Status status = context_.leases->AddProgress(lease_, *progress);
   if (status.ok()) return status;
   // The store may come back: what nothing newer has replaced by then is written with the next.
@@ -203,12 +198,13 @@ absl::Status JobReporter::WriteLog() {
   std::vector<LogEntry> entries;
   {
     std::lock_guard lock(mutex_);
-    if (!finished_ && SecondsSince(last_log_) < options_.progress_seconds) return absl::OkStatus();
+    if (!finished_ && MonotonicSeconds() - last_log_ < options_.progress_seconds)
+      return absl::OkStatus();
     Log("");
     entries.swap(log_);
   }
   if (entries.empty()) return absl::OkStatus();
-  last_log_ = SteadyClock::now();
+  last_log_ = MonotonicSeconds();
   const absl::Status status = context_.leases->AddLog(lease_, entries);
   if (status.ok()) return status;
   std::lock_guard lock(mutex_);

@@ -1,7 +1,6 @@
 #ifndef LITAGS_SERVER_WORKER_JOB_REPORTER_H_
 #define LITAGS_SERVER_WORKER_JOB_REPORTER_H_
 
-#include <chrono>
 #include <condition_variable>
 #include <functional>
 #include <mutex>
@@ -12,7 +11,7 @@
 #include <vector>
 
 #include "engine/core/cancel.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/report.h"
 #include "server/worker/job_runner.h"
 #include "server/worker/work_folder.h"
 
@@ -40,8 +39,6 @@ class JobReporter : public ReconstructObserver {
   absl::Status Finish(const CancelToken& stop);
 
  private:
-  using TimePoint = std::chrono::steady_clock::time_point;
-
   void End();  // of the thread
   void Loop();
   void Write();  // what is due
@@ -77,7 +74,7 @@ class JobReporter : public ReconstructObserver {
   // Used by the thread, and by Finish() after it.
   bool lease_lost_ = false;
   bool must_keep_ = false;  // the folder's files are not all named in the row yet
-  TimePoint last_progress_{}, last_log_{}, next_keep_{};
+  double last_progress_ = 0, last_log_ = 0, next_keep_ = 0;  // seconds
 
   std::thread thread_;
 };

@@ -10,22 +10,21 @@
 #include <atomic>
 #include <chrono>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <optional>
 #include <sstream>
 #include <thread>
 
 #include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/jobs.h"
-#include "server/store/digest.h"
+#include "server/jobs/jobs_test_util.h"
 #include "server/testing/eventually.h"
 #include "server/testing/fake_engine.h"
 #include "server/testing/faulty_blob_store.h"
 #include "server/testing/forwarding_job_store.h"
 #include "server/testing/no_room.h"
-#include "server/testing/temp_dir.h"
 #include "server/worker/self_check.h"
 #include "server/worker/worker.h"
 
@@ -54,11 +53,7 @@ class JobRunnerTest : public ::testing::Test {
     wanted.options.iterations = 3;
     const std::string id = jobs_.Create(wanted)->id;
     for (const char* name : {first_photo, "b.jpg", "c.jpg"}) {
-      const std::string path = data_.tmp() + "/staged";
-      std::ofstream(path) << name;
-      EXPECT_TRUE(jobs_.uploads()
-                      .Add(id, {name, FileRole::kPhoto, 5, Sha256::Hex(name), 64, 48}, path)
-                      .ok());
+      EXPECT_TRUE(AddFile(jobs_, data_, id, name, name).ok());
     }
     EXPECT_TRUE(jobs_.Start(id).ok());
     return id;

@@ -1,7 +1,6 @@
 #include "server/worker/supervisor.h"
 
 #include <spdlog/spdlog.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>

@@ -12,8 +12,8 @@
 #include <sstream>
 #include <thread>
 
+#include "engine/core/temp_dir_test_util.h"
 #include "server/store/data_dir.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

@@ -1,6 +1,5 @@
 #include "server/worker/work_folder.h"
 
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -8,14 +7,13 @@
 #include <unistd.h>
 
 #include <filesystem>
-#include <fstream>
 
 #include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
 #include "server/jobs/codec.h"
 #include "server/store/digest.h"
 #include "server/testing/faulty_blob_store.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {

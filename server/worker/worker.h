@@ -3,7 +3,6 @@
 
 #include <memory>
 
-#include "absl/status/status.h"
 #include "engine/core/cancel.h"
 #include "engine/pipeline/engine.h"
 #include "server/worker/job_runner.h"

@@ -5,7 +5,6 @@ import os
 import random
 import stat
 import subprocess
-import time
 import unittest
 import uuid
 

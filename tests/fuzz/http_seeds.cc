@@ -1,8 +1,6 @@
 #include "tests/fuzz/http_seeds.h"
 
 #include <algorithm>
-#include <string_view>
-#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"

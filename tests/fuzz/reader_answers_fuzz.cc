@@ -3,7 +3,6 @@
 
 #include "engine/core/check.h"
 #include "server/reader/answers.h"
-#include "server/reader/channel.h"
 #include "tests/fuzz/checking_sink.h"
 #include "tests/fuzz/fuzz_support.h"
 

@@ -1,5 +1,4 @@
 // Requests as clients send them: jobs, pictures, paths, files. The first byte says which.
-#include <cmath>
 
 #include "engine/core/check.h"
 #include "litags/v1/reconstruction_service.pb.h"

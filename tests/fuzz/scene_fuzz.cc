@@ -1,6 +1,5 @@
 // Scene files of every version, whose checksums are right and whose sections are anything; what
 // loads is drawn.
-#include "engine/core/check.h"
 #include "engine/pipeline/scene_file.h"
 #include "tests/fuzz/fuzz_support.h"
 

@@ -21,10 +21,11 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/monotonic_seconds.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/codec.h"
 #include "server/jobs/leases.h"
 #include "server/testing/postgres_server.h"
-#include "server/testing/temp_dir.h"
 
 namespace litags {
 namespace {
@@ -41,10 +42,6 @@ struct BenchOptions {
   int latencies = 500;
   double seconds = 5;
 };
-
-double SecondsSince(SteadyClock::time_point start) {
-  return std::chrono::duration<double>(SteadyClock::now() - start).count();
-}
 
 template <typename T>
 T Need(absl::StatusOr<T> result) {
@@ -91,7 +88,7 @@ class Measurement {
  public:
   explicit Measurement(const Kind& kind) : kind_(kind) {}
   void Print(const char* what, double count, const char* unit) const {
-    const double wall = SecondsSince(start_), own = OwnCpu() - own_;
+    const double wall = MonotonicSeconds() - start_, own = OwnCpu() - own_;
     const double server = kind_.server_cpu() - server_;
     std::printf(
         "%-9s %-28s %8.0f %s/s   %7.1f s wall, %6.2f s CPU of workers, %6.2f s of the "
@@ -102,7 +99,7 @@ class Measurement {
 
  private:
   const Kind& kind_;
-  const SteadyClock::time_point start_ = SteadyClock::now();
+  const double start_ = MonotonicSeconds();
   const double own_ = OwnCpu();
   const double server_ = kind_.server_cpu();
 };

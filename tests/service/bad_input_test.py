@@ -1,6 +1,7 @@
 """Bad input over a real socket: one clear error with its code, its field and a remedy."""
 
 import contextlib
+import json
 import math
 import os
 import pty
@@ -71,6 +72,14 @@ class BadUploads(harness.ServiceTest):
         self.assert_refused(lambda: self.jobs.StartJob(rpc.StartJobRequest(name=job)), PRECONDITION,
                             "TOO_FEW_PHOTOS", "images", "add some")
         self.refused_submit(files, "TOO_FEW_PHOTOS", "images", "2 photos.*at least 3")
+
+    def test_cameras_of_other_photos(self):
+        identity = [[float(row == column) for column in range(4)] for row in range(4)]
+        frames = [{"file_path": f"./images/frame_{i}.png", "transform_matrix": identity} for i in range(3)]
+        cameras = json.dumps({"camera_angle_x": 1.0, "w": 64, "h": 48, "frames": frames})
+        photos = [(f"photo_{i}.png", harness.png(seed=i)) for i in range(3)]
+        self.refused_submit([*photos, ("transforms.json", cameras.encode())], "NO_MATCHING_CAMERAS",
+                            "cameras", "photo_0.png.*frame_0.png")
 
     def test_names_that_are_paths(self):
         for name in ("../evil.png", "a/b.png", "/etc/passwd.png", "..", "a\\..\\b.png", "a\nb.png",

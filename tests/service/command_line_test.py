@@ -56,8 +56,7 @@ class CommandLine(harness.ServiceTest):
         self.assertIn(f"{job} may have been started", err)
 
     def test_doctor_that_is_interrupted_does_not_say_that_a_server_answers(self):
-        proxy = harness.CuttableProxy(self.server.port)
-        self.addCleanup(proxy.close)
+        proxy = self.new_proxy()
         proxy.silent = True
         doctor = self.start_litags("doctor", server=proxy.address)
         self.addCleanup(doctor.kill)

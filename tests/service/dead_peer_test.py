@@ -27,8 +27,7 @@ class DeadPeers(harness.ServiceTest):
 
     def setUp(self):
         super().setUp()
-        self.proxy = harness.CuttableProxy(self.server.port)
-        self.addCleanup(self.proxy.close)
+        self.proxy = self.new_proxy()
         self.job = self.jobs.CreateJob(rpc.CreateJobRequest()).name
         self.over = self.jobs.CreateJob(rpc.CreateJobRequest()).name
         self.jobs.CancelJob(rpc.CancelJobRequest(name=self.over))

@@ -55,8 +55,7 @@ class Program:
 class Example(Program):
 
     def test_photos_become_a_picture_and_a_scene_though_the_watch_is_cut(self):
-        proxy = harness.CuttableProxy(self.server.port)
-        self.addCleanup(proxy.close)
+        proxy = self.new_proxy()
         # The first photo has no camera, and the folder's name means other folders to a shell.
         photos = os.path.join(self.folder, "night [1]")
         os.rename(self.photos(("no-camera.png", "slow.png", "x.png", "y.jpg")), photos)
@@ -174,8 +173,7 @@ class Silent(Program):
         return harness.Server(cls.class_folder, extra=("--min-ping", "0.5"))
 
     def test_a_watch_goes_on_elsewhere(self):
-        proxy = harness.CuttableProxy(self.server.port)
-        self.addCleanup(proxy.close)
+        proxy = self.new_proxy()
         process = self.start(self.photos(("slow.png", "b.png", "c.png")), proxy.address, 150,
                              LITAGS_KEEPALIVE="1")
         for line in process.stdout:

@@ -109,6 +109,16 @@ class Fleet(harness.ServiceTest):
         self.litags("cancel", job)
         self.assertRegex(watch.communicate(timeout=harness.PATIENCE_S)[1], "waits for .*label site-c")
 
+    def test_a_job_that_waits_for_a_label_nobody_has_is_given_another_or_none(self):
+        self.start_worker("--labels", "site-b")
+        job = self.litags("submit", self.photos(), "--worker-labels", "site-c")[0].strip()
+        self.litags("update", job, "--worker-labels", "site-d,site-e")
+        self.assertEqual(list(self.job(job).policy.worker_labels), ["site-d", "site-e"])
+        self.assertEqual(self.state(job), QUEUED)
+        self.litags("update", job, "--worker-labels", "")
+        self.wait_for(lambda: self.state(job) == SUCCEEDED, "any worker takes it")
+        self.assertEqual(list(self.job(job).policy.worker_labels), [])
+
     def test_labels_that_are_none_are_refused(self):
         _, err = self.litags("submit", self.photos(), "--worker-labels", "a b", exit_code=2)
         self.assertRegex(err, "policy.worker_labels")

@@ -292,6 +292,12 @@ class ServiceTest(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.mkdtemp(dir=self.class_folder)
 
+    def new_proxy(self, **options):
+        """A CuttableProxy of the server."""
+        proxy = CuttableProxy(self.server.port, **options)
+        self.addCleanup(proxy.close)
+        return proxy
+
     # The client program.
 
     def start_litags(self, *args, server=None):

@@ -112,8 +112,7 @@ class Jobs(harness.ServiceTest):
 
     def test_watching_over_a_cut_connection_loses_and_doubles_nothing(self):
         job = self.submit("--iterations", "100000", names=("slow.png", "b.png", "c.png"))
-        proxy = harness.CuttableProxy(self.server.port)
-        self.addCleanup(proxy.close)
+        proxy = self.new_proxy()
         watch = self.start_litags("watch", job, "--json", server=proxy.address)
         numbers = []
         next_cut = 3  # events
@@ -178,8 +177,7 @@ class Jobs(harness.ServiceTest):
         for seed, name in enumerate(("a.png", "b.png", "c.png")):
             with open(os.path.join(photos, name), "wb") as file:
                 file.write(harness.large_png(seed))
-        proxy = harness.CuttableProxy(self.server.port, silent_after=200_000)
-        self.addCleanup(proxy.close)
+        proxy = self.new_proxy(silent_after=200_000)
         submit = self.start_litags("submit", photos, server=proxy.address)
         self.addCleanup(submit.kill)
         self.wait_for(lambda: proxy.silent, "an upload that has begun")

@@ -12,7 +12,7 @@ import urllib.request
 import grpc
 
 import harness
-from harness import BIN, RUNNING, SERVER_PROGRAM, rpc
+from harness import BIN, RUNNING, SERVER_PROGRAM
 
 WORKER_PROGRAM = SERVER_PROGRAM.replace("server", "worker")
 SERVING, NOT_SERVING = 1, 2  # HealthCheckResponse.ServingStatus of grpc.health.v1

@@ -40,11 +40,6 @@ class Package(harness.ServiceTest):
         self.addCleanup(client.close)
         return client
 
-    def proxy(self, **options):
-        proxy = harness.CuttableProxy(self.server.port, **options)
-        self.addCleanup(proxy.close)
-        return proxy
-
     def assert_error(self, error, code, reason, field):
         self.assertEqual((error.code, error.reason, error.field), (code, reason, field), error)
 
@@ -73,7 +68,7 @@ class Package(harness.ServiceTest):
             litags.files.find_photos(paths)
 
     def test_submit_watch_over_cuts_render_and_export(self):
-        proxy = self.proxy()
+        proxy = self.new_proxy()
         client = self.client(proxy.address)
         folder = self.photos(("slow.png", "b.png", "c.png"))
         job = client.submit(folder, options={"iterations": 100, "preview_every": 5},
@@ -417,8 +412,7 @@ class Reconstruct(examples.Refused, harness.ServiceTest):
         photos = self.photos(())
         for seed, name in enumerate(("slow.png", "b.png", "c.png")):
             pathlib.Path(photos, name).write_bytes(harness.large_png(seed))
-        proxy = harness.CuttableProxy(self.server.port, cut_every=2 << 20)
-        self.addCleanup(proxy.close)
+        proxy = self.new_proxy(cut_every=2 << 20)
         process = self.start(photos, proxy.address, 100)
         lines = []
         for line in process.stdout:

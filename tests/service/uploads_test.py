@@ -67,14 +67,9 @@ class Uploads(harness.ServiceTest):
     def bytes_kept(self):
         return sum(bytes_on_disk(self.server.data).values())
 
-    def proxy(self, **options):
-        proxy = harness.CuttableProxy(self.server.port, **options)
-        self.addCleanup(proxy.close)
-        return proxy
-
     def test_files_larger_than_any_connection_lives_arrive(self):
         # Three files of 3.2 MB over connections that live for 1 MB: sent whole, none would arrive.
-        proxy = self.proxy(cut_every=1 << 20, progress=self.bytes_kept)
+        proxy = self.new_proxy(cut_every=1 << 20, progress=self.bytes_kept)
         photos = self.large_photos((1, 2, 3))
         out, err = self.litags("submit", photos, "--iterations", "10", server=proxy.address)
         job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
@@ -150,7 +145,7 @@ class Uploads(harness.ServiceTest):
     def test_the_same_photos_are_sent_once_for_several_jobs(self):
         photos = self.large_photos((7, 8, 9))
         self.litags("submit", photos, "--iterations", "10")
-        proxy = self.proxy()
+        proxy = self.new_proxy()
         out, _ = self.litags("submit", photos, "--iterations", "20", server=proxy.address)
         self.assertEqual(self.jobs.GetJob(rpc.GetJobRequest(name=out.strip())).photos, 3)
         self.assertLess(proxy.sent, 100_000)

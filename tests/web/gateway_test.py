@@ -296,7 +296,7 @@ class Pictures(GatewayTest):
                               ("SOG", ".sog"), ("SPLAT", ".splat"), ("COMPRESSED_PLY", ".compressed.ply"),
                               ("GLB", ".glb"), ("USDA", ".usda"), ("COLMAP", ".zip"), ("HTML", ".html"),
                               ("POINTS", ".points.ply"), ("LAS", ".las"), ("MESH_PLY", ".mesh.ply"),
-                              ("MESH_GLB", ".mesh.glb")):
+                              ("MESH_GLB", ".mesh.glb"), ("LITAGS", ".litags")):
             with self.subTest(query):
                 reply = self.web.get(f"/v1/{job}/model" + (query and f"?format=MODEL_FORMAT_{query}"))
                 self.assertEqual(reply.code, 200, reply.body)

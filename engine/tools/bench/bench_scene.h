@@ -5,8 +5,8 @@
 #include <cstddef>
 
 #include "engine/core/camera.h"
+#include "engine/core/noise_curve.h"
 #include "engine/core/splats.h"
-#include "engine/denoise/noise_filter.h"
 #include "engine/train/train_view.h"
 
 namespace litags {

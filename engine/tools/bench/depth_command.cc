@@ -97,15 +97,6 @@ absl::StatusOr<std::vector<Photo>> ReadPhotos(const std::string& dir,
   return photos;
 }
 
-absl::StatusOr<Planes> ReadTruth(const std::string& scene, const View& view) {
-  LITAGS_ASSIGN_OR_RETURN(std::optional<Planes> depth, ReadTrueDepth(scene + "/depth", view));
-  if (depth.has_value()) return *std::move(depth);
-  return InvalidInput("NO_TRUTH", "--against",
-                      absl::StrCat(scene, "/depth has no map of ", Stem(view.name),
-                                   "; make the scene with litags-sample --truth, or compare with "
-                                   "other light by --against high"));
-}
-
 absl::Status MeasureDepth(DepthArguments args) {
   std::error_code ignored;  // writing reports what matters
   fs::create_directories(args.out, ignored);
@@ -139,7 +130,10 @@ absl::Status MeasureDepth(DepthArguments args) {
     const std::string stem = Stem(views[i].view.name);
     Planes reference;
     if (args.against.empty()) {
-      LITAGS_ASSIGN_OR_RETURN(reference, ReadTruth(args.scene.dir, views[i].view));
+      LITAGS_ASSIGN_OR_RETURN(reference,
+                              NeedTrueDepth(args.scene.dir + "/depth", views[i].view, "--against",
+                                            "make the scene with litags-sample --truth, or compare "
+                                            "with other light by --against high"));
     } else {
       reference = others[i].has_value() ? others[i]->depth : Planes(1, camera.height, camera.width);
     }

@@ -7,9 +7,10 @@
 #include <vector>
 
 #include "engine/core/color.h"
+#include "engine/core/image.h"
 #include "engine/core/rng.h"
-#include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
+#include "engine/core/temp_dir_test_util.h"
+#include "engine/io/picture_io.h"
 #include "engine/target/exposure_rule.h"
 #include "engine/tools/bench/run_bench_test_util.h"
 #include "gmock/gmock.h"

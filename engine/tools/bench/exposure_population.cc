@@ -1,9 +1,7 @@
 #include "engine/tools/bench/exposure_population.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 
 #include "absl/strings/str_cat.h"
@@ -53,9 +51,7 @@ LightHistogram HistogramOf(const Planes& light) {
 LightHistogram LumaOf(const Planes& light) {
   LightHistogram histogram;
   for (size_t i = 0; i < light.plane_size(); ++i) {
-    histogram.Add(kLumaRed * light.plane(0)[i] + kLumaGreen * light.plane(1)[i] +
-                      kLumaBlue * light.plane(2)[i],
-                  1);
+    histogram.Add(Luma(light.plane(0)[i], light.plane(1)[i], light.plane(2)[i]), 1);
   }
   return histogram;
 }

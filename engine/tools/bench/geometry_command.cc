@@ -4,14 +4,12 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <utility>
 
 #include "CLI/App.hpp"
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "engine/core/error.h"
 #include "engine/core/json_text.h"
-#include "engine/export/formats.h"
 #include "engine/io/file_util.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/surface_mesh.h"

@@ -4,6 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "engine/core/image.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/test_util.h"
 #include "engine/pipeline/scene_file.h"

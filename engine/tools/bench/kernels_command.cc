@@ -24,7 +24,6 @@
 #include "engine/tools/bench/timing_options.h"
 #include "engine/tools/evaluation/process_usage.h"
 #include "engine/train/adam.h"
-#include "engine/train/losses.h"
 #include "engine/train/model.h"
 #include "engine/train/objective.h"
 #include "engine/train/recipe.h"
@@ -97,18 +96,12 @@ class KernelBench {
   }
 
   void CountEvaluations() {
-    RenderSettings settings = settings_;
-    settings.count_useful = true;
     Planes alpha;
-    renderer_.Forward(splats_, camera_, settings, &rendered_, &alpha);
+    renderer_.Forward(splats_, camera_, settings_, &rendered_, &alpha);
     const Renderer::Counters c = renderer_.counters();
-    const double useful = double(c.useful) / c.evaluations;
     const double per_pixel = c.evaluations / (double(camera_.width) * camera_.height);
-    std::printf(
-        "%.1f evaluations of alpha per pixel, %.0f %% of them change it; %.2f tiles per visible "
-        "Gaussian\n",
-        per_pixel, 100 * useful, double(c.tile_pairs) / c.visible);
-    json_["useful_evaluations"] = useful;
+    std::printf("%.1f evaluations of alpha per pixel; %.2f tiles per visible Gaussian\n", per_pixel,
+                double(c.tile_pairs) / c.visible);
     json_["evaluations_per_pixel"] = per_pixel;
   }
 

@@ -1,4 +1,6 @@
 // Runs commands of litags-bench that need no files.
+#include "engine/core/run_program_test_util.h"
+#include "engine/core/subprocess.h"
 #include "engine/tools/bench/run_bench_test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -53,13 +55,9 @@ TEST(Bench, InputThatIsWrongIsToldBeforeAnythingIsMeasured) {
 }
 
 TEST(Bench, OutputThatIsLostIsAnError) {
-  SubprocessOptions shell;
-  shell.args = {"/bin/sh", "-c", "exec \"$0\" machine >/dev/full", LITAGS_BENCH};
-  shell.tail_lines = 100;
-  const auto result = RunSubprocess(shell, CancelToken());
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->exit_code, 1) << result->tail;
-  EXPECT_THAT(result->tail, HasSubstr("not all of the output could be written"));
+  const SubprocessResult result = RunIntoFullDevice(LITAGS_BENCH, {"machine"});
+  EXPECT_EQ(result.exit_code, 1) << result.tail;
+  EXPECT_THAT(result.tail, HasSubstr("not all of the output could be written"));
 }
 
 TEST(TableCommand, SaysTheReasonOfWrongInput) {

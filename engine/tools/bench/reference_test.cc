@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <sstream>
 #include <string>
-#include <vector>
 
 #include "engine/core/simd_test_util.h"
 #include "engine/core/temp_dir_test_util.h"

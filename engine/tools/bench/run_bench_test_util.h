@@ -4,21 +4,17 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/run_program_test_util.h"
 #include "engine/core/subprocess.h"
-#include "gtest/gtest.h"
 
 namespace litags {
 
 // Runs `litags-bench COMMAND ARGUMENTS`; what it prints is in `tail`.
 inline SubprocessResult RunBench(const std::string& command,
                                  const std::vector<std::string>& arguments) {
-  SubprocessOptions child;
-  child.args = {LITAGS_BENCH, command};
-  child.args.insert(child.args.end(), arguments.begin(), arguments.end());
-  child.tail_lines = 100;
-  const auto result = RunSubprocess(child, CancelToken());
-  EXPECT_TRUE(result.ok()) << result.status();
-  return result.value_or(SubprocessResult());
+  std::vector<std::string> all = {command};
+  all.insert(all.end(), arguments.begin(), arguments.end());
+  return RunProgram(LITAGS_BENCH, all);
 }
 
 }  // namespace litags

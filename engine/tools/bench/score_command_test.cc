@@ -3,9 +3,10 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "engine/core/image.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
-#include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
+#include "engine/io/picture_io.h"
 #include "engine/onnx/onnx_writer.h"
 #include "engine/tools/bench/run_bench_test_util.h"
 #include "gmock/gmock.h"

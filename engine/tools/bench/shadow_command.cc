@@ -45,10 +45,6 @@ struct Errors {
   double chroma = 0;  // root mean square of Cb and Cr in the darker half, codes of 255
 };
 
-double Luma(const int16_t* rgb) {
-  return kLumaRed * rgb[0] + kLumaGreen * rgb[1] + kLumaBlue * rgb[2];
-}
-
 Errors Compare(const Photo& photo, const Photo& truth) {
   std::vector<double> lumas;
   for (size_t i = 0; i < truth.pixels(); ++i) lumas.push_back(Luma(&truth.data[3 * i]));

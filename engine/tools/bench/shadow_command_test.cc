@@ -3,9 +3,10 @@
 #include <sstream>
 #include <string>
 
+#include "engine/core/image.h"
 #include "engine/core/rng.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
 #include "engine/tools/bench/run_bench_test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
-#include "engine/io/test_util.h"
 #include "engine/tools/bench/run_bench_test_util.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"

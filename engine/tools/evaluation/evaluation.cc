@@ -13,7 +13,7 @@
 #include "engine/core/mask.h"
 #include "engine/eval/metrics.h"
 #include "engine/io/file_util.h"
-#include "engine/io/image_io.h"
+#include "engine/io/picture_io.h"
 #include "engine/pipeline/capture_targets.h"
 #include "engine/target/tone.h"
 #include "engine/tools/evaluation/true_depth.h"

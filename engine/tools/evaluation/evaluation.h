@@ -10,7 +10,8 @@
 #include "absl/status/statusor.h"
 #include "engine/core/image.h"
 #include "engine/eval/lpips.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/options.h"
+#include "engine/pipeline/scene.h"
 #include "engine/tools/evaluation/test_view.h"
 
 namespace litags {

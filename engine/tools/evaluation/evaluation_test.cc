@@ -11,6 +11,7 @@
 
 #include "engine/core/color.h"
 #include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "engine/core/mask.h"
 #include "engine/core/temp_dir_test_util.h"
 #include "engine/eval/metrics.h"
@@ -281,6 +282,7 @@ class FlatScene : public Scene {
     return 0;
   }
   absl::Status ExportFullPly(const std::string&) const override { return absl::OkStatus(); }
+  absl::Status Save(const std::string&) const override { return absl::OkStatus(); }
 
  private:
   float depth_;

@@ -1,14 +1,10 @@
 #include "engine/tools/evaluation/surface_errors.h"
 
 #include <algorithm>
-#include <optional>
-#include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/image.h"
 #include "engine/core/quantile.h"
-#include "engine/io/file_util.h"
 #include "engine/tools/evaluation/surface_distance.h"
 #include "engine/tools/evaluation/true_depth.h"
 
@@ -16,14 +12,6 @@ namespace litags {
 namespace {
 
 constexpr float kEdge = 0.05f;  // of the depth. Choice: as of the pictures that meshes are made of
-
-absl::StatusOr<Planes> ReadTruth(const View& view, const std::string& dir) {
-  LITAGS_ASSIGN_OR_RETURN(std::optional<Planes> depth, ReadTrueDepth(dir, view));
-  if (depth.has_value()) return *std::move(depth);
-  return InvalidInput("NO_TRUTH", "truth",
-                      absl::StrCat(dir, " has no depth map of ", Stem(view.name),
-                                   "; give the folder depth/ of litags-sample --truth"));
-}
 
 void AddMap(const Camera& camera, const Planes& depth, TrueSurface* truth) {
   constexpr uint32_t kNone = ~0u;
@@ -69,7 +57,9 @@ absl::StatusOr<TrueSurface> ReadTrueSurface(const std::vector<View>& views,
                                             const std::string& dir) {
   TrueSurface truth;
   for (const View& view : views) {
-    LITAGS_ASSIGN_OR_RETURN(const Planes depth, ReadTruth(view, dir));
+    LITAGS_ASSIGN_OR_RETURN(
+        const Planes depth,
+        NeedTrueDepth(dir, view, "truth", "give the folder depth/ of litags-sample --truth"));
     AddMap(view.camera, depth, &truth);
   }
   return truth;

@@ -4,8 +4,10 @@
 
 #include <cmath>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/image.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/depth_io.h"
-#include "engine/io/test_util.h"
 #include "engine/tools/evaluation/surface_distance.h"
 
 namespace litags {

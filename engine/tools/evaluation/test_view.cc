@@ -1,6 +1,5 @@
 #include "engine/tools/evaluation/test_view.h"
 
-#include <algorithm>
 #include <cmath>
 #include <vector>
 

@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "engine/core/camera.h"
 #include "engine/core/image.h"
+#include "engine/core/photo.h"
 #include "engine/io/sparse_model.h"
 
 namespace litags {

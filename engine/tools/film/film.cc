@@ -1,7 +1,5 @@
 #include "engine/tools/film/film.h"
 
-#include <memory>
-
 #include "absl/status/statusor.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"

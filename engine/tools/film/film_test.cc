@@ -5,9 +5,11 @@
 #include <cstdio>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/image.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
 #include "engine/video/testing_video.h"
 #include "engine/video/video_file.h"
 

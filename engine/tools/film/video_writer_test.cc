@@ -8,10 +8,13 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/image.h"
 #include "engine/core/photo.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/eval/metrics.h"
 #include "engine/io/file_util.h"
-#include "engine/io/test_util.h"
 #include "engine/video/testing_video.h"
 #include "engine/video/video_file.h"
 

@@ -9,7 +9,11 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/error_test_util.h"
+#include "engine/core/image.h"
+#include "engine/core/run_program_test_util.h"
 #include "engine/core/subprocess.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/colmap_io.h"
 #include "engine/io/depth_io.h"
@@ -17,7 +21,6 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
-#include "engine/io/test_util.h"
 #include "engine/tools/contact_sheet/contact_sheet.h"
 #include "engine/tools/inspect/dataset_folder.h"
 #include "engine/tools/inspect/photo_sheet.h"
@@ -69,15 +72,10 @@ class Inspect : public testing::Test {
     return path;
   }
 
-  int Run(std::vector<std::string> arguments) {
-    SubprocessOptions child;
-    child.args = {LITAGS_INSPECT};
-    child.args.insert(child.args.end(), arguments.begin(), arguments.end());
-    child.tail_lines = 1000;
-    const auto result = RunSubprocess(child, CancelToken());
-    EXPECT_TRUE(result.ok()) << result.status();
-    text_ = result.ok() ? result->tail : "";
-    return result.ok() ? result->exit_code : -1;
+  int Run(const std::vector<std::string>& arguments) {
+    const SubprocessResult result = RunProgram(LITAGS_INSPECT, arguments);
+    text_ = result.tail;
+    return result.exit_code;
   }
 
   TempDir dir_;
@@ -131,13 +129,9 @@ TEST_F(Inspect, NamesDoNotSteerTheTerminal) {
 }
 
 TEST_F(Inspect, OutputThatIsLostIsAnError) {
-  SubprocessOptions shell;
-  shell.args = {"/bin/sh", "-c", "exec \"$0\" \"$1\" >/dev/full", LITAGS_INSPECT, photos_};
-  shell.tail_lines = 100;
-  const auto result = RunSubprocess(shell, CancelToken());
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->exit_code, 1) << result->tail;
-  EXPECT_THAT(result->tail, HasSubstr("not all of the output could be written"));
+  const SubprocessResult result = RunIntoFullDevice(LITAGS_INSPECT, {photos_});
+  EXPECT_EQ(result.exit_code, 1) << result.tail;
+  EXPECT_THAT(result.tail, HasSubstr("not all of the output could be written"));
 }
 
 TEST_F(Inspect, ALinkToAPhotoThatIsGoneIsLeftOutByName) {
@@ -149,11 +143,7 @@ TEST_F(Inspect, ALinkToAPhotoThatIsGoneIsLeftOutByName) {
 
 // As phones write of a part of a panorama.
 std::string WithPart(const std::string& jpeg, const std::string& part) {
-  const std::string text = std::string("http://ns.adobe.com/xap/1.0/\0", 29) +
-                           "GPano:ProjectionType=\"equirectangular\" " + part;
-  const size_t length = text.size() + 2;
-  return jpeg.substr(0, 2) + "\xFF\xE1" + static_cast<char>(length >> 8) +
-         static_cast<char>(length & 0xFF) + text + jpeg.substr(2);
+  return WithJpegXmp(jpeg, "GPano:ProjectionType=\"equirectangular\" " + part);
 }
 
 // 22.5 degrees across.

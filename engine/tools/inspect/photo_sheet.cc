@@ -1,7 +1,6 @@
 #include "engine/tools/inspect/photo_sheet.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <string>

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/options.h"
 
 namespace litags {
 

@@ -6,6 +6,7 @@
 
 #include "engine/core/camera_path.h"
 #include "engine/core/error.h"
+#include "engine/core/photo.h"
 #include "engine/tools/evaluation/evaluation.h"
 
 namespace litags {

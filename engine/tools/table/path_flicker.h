@@ -5,7 +5,7 @@
 #include "absl/status/statusor.h"
 #include "engine/enhance/enhance.h"
 #include "engine/eval/flicker.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/scene.h"
 
 namespace litags {
 

@@ -6,8 +6,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "engine/core/error_test_util.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
-#include "engine/io/test_util.h"
 #include "engine/tools/table/scene.h"
 
 namespace litags {

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "engine/core/error.h"
 #include "engine/core/monotonic_seconds.h"
 #include "engine/io/file_util.h"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "engine/pipeline/engine.h"
+#include "engine/pipeline/options.h"
 #include "engine/tools/evaluation/test_view.h"
 
 namespace litags {

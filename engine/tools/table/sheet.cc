@@ -8,7 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
-#include "engine/io/image_io.h"
+#include "engine/io/picture_io.h"
 #include "engine/tools/contact_sheet/contact_sheet.h"
 #include "engine/tools/table/cell.h"
 

@@ -10,12 +10,14 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/image.h"
 #include "engine/core/mask.h"
+#include "engine/core/run_program_test_util.h"
 #include "engine/core/subprocess.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
-#include "engine/io/test_util.h"
 #include "engine/onnx/onnx_writer.h"
 #include "engine/tools/table/lom_test_util.h"
 
@@ -25,16 +27,7 @@ namespace {
 using Json = nlohmann::json;
 
 // A network that gives `channels` channels of three times its input.
-std::string Times3(int channels) {
-  OnnxWriter model;
-  model.AddInput("x", {1, 3, 48, 64});
-  std::vector<float> weights(size_t(channels) * 3, 0.0f);
-  for (int c = 0; c < channels; ++c) weights[c * 3 + c] = 3;
-  model.AddConstant("w", {channels, 3, 1, 1}, weights);
-  model.AddNode("Conv", {"x", "w"}, "y", {{"kernel_shape", {1, 1}}});
-  model.AddOutput("y", {1, channels, 48, 64});
-  return model.Bytes();
-}
+std::string Times3(int channels) { return ScalingModel(48, 64, channels, 3, 0); }
 
 // How the cameras in `dir` are said to have been found; true if it was `name` already.
 bool ReplacePreparation(const std::string& dir, const std::string& name) {
@@ -65,17 +58,14 @@ class TableTest : public testing::Test {
   };
   Outcome Run(const std::vector<std::string>& more) { return Run(more, *lom_ / "LOM_full"); }
   Outcome Run(const std::vector<std::string>& more, const std::string& scenes) {
-    SubprocessOptions child;
-    child.args = {LITAGS_BENCH, "table", "--iterations", "30",
-                  "--threads",  "1",     "--sparse",     "sparse"};
-    child.args.insert(child.args.end(), more.begin(), more.end());
+    std::vector<std::string> arguments = {"table", "--iterations", "30",    "--threads",
+                                          "1",     "--sparse",     "sparse"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
     // Scenes may stand behind options.
-    child.args.insert(child.args.end(), {scenes, "-o", out_ / "out"});
-    child.tail_lines = 1000;
-    const auto result = RunSubprocess(child, CancelToken());
-    EXPECT_TRUE(result.ok()) << result.status();
+    arguments.insert(arguments.end(), {scenes, "-o", out_ / "out"});
+    const SubprocessResult result = RunProgram(LITAGS_BENCH, arguments);
     const auto json = ReadFile(out_ / "out/table.json", "table", 1 << 20);
-    return {result->exit_code, result->tail, json.ok() ? Json::parse(*json) : Json::array()};
+    return {result.exit_code, result.tail, json.ok() ? Json::parse(*json) : Json::array()};
   }
   static Json Row(const Outcome& outcome, const std::string& light, const std::string& method) {
     for (const Json& row : outcome.rows) {
@@ -338,13 +328,11 @@ TEST_F(TableTest, MasksBesideThePhotosAreUsedByEveryMethod) {
   std::filesystem::remove(room + "/low/0002_mask.png");
   EXPECT_EQ(Run(arguments, out_ / "masked").text.find(": kept"), std::string::npos);
 
-  SubprocessOptions train;
-  train.args = {LITAGS_BENCH, "train",         room, "-o", out_ / "run", "--iterations", "2",
-                "--cameras",  out_ / "cameras"};
-  const auto trained = RunSubprocess(train, CancelToken());
-  ASSERT_TRUE(trained.ok()) << trained.status();
-  EXPECT_EQ(trained->exit_code, 0) << trained->tail;
-  EXPECT_NE(trained->tail.find("masks: those in"), std::string::npos) << trained->tail;
+  const SubprocessResult trained = RunProgram(
+      LITAGS_BENCH,
+      {"train", room, "-o", out_ / "run", "--iterations", "2", "--cameras", out_ / "cameras"});
+  EXPECT_EQ(trained.exit_code, 0) << trained.tail;
+  EXPECT_NE(trained.tail.find("masks: those in"), std::string::npos) << trained.tail;
 }
 
 TEST_F(TableTest, ANetworkThatIsNotThereIsRefusedBeforeAnythingIsTrained) {
@@ -368,25 +356,22 @@ TEST_F(TableTest, AMissingLightIsRefusedBeforeAnythingIsTrained) {
 }
 
 TEST_F(TableTest, AMeasuredRunBeginsAtTheBeginning) {
-  SubprocessOptions child;
-  child.args = {LITAGS_BENCH, "train",         *lom_ / "LOM_full/room",
-                "-o",         out_ / "run",    "--iterations",
-                "20",         "--threads",     "1",
-                "--cameras",  out_ / "cameras"};
-  child.tail_lines = 1000;
+  std::vector<std::string> arguments = {"train",        *lom_ / "LOM_full/room",
+                                        "-o",           out_ / "run",
+                                        "--iterations", "20",
+                                        "--threads",    "1",
+                                        "--cameras",    out_ / "cameras"};
   WriteTrainingCameras(*lom_ / "LOM_full/room", out_ / "cameras");
   for (int run = 0; run < 2; ++run) {
-    const auto result = RunSubprocess(child, CancelToken());
-    ASSERT_TRUE(result.ok()) << result.status();
-    EXPECT_EQ(result->exit_code, 0) << result->tail;
-    EXPECT_EQ(result->tail.find("nan"), std::string::npos) << result->tail;
+    const SubprocessResult result = RunProgram(LITAGS_BENCH, arguments);
+    EXPECT_EQ(result.exit_code, 0) << result.tail;
+    EXPECT_EQ(result.tail.find("nan"), std::string::npos) << result.tail;
     EXPECT_FALSE(ReplacePreparation(out_ / "run/cameras", "kept"));
   }
   // Not even where the new cameras would be written.
-  child.args.back() = out_ / "run/cameras";
-  const auto refused = RunSubprocess(child, CancelToken());
-  ASSERT_TRUE(refused.ok()) << refused.status();
-  EXPECT_EQ(refused->exit_code, 2) << refused->tail;
+  arguments.back() = out_ / "run/cameras";
+  const SubprocessResult refused = RunProgram(LITAGS_BENCH, arguments);
+  EXPECT_EQ(refused.exit_code, 2) << refused.tail;
   EXPECT_TRUE(std::filesystem::exists(out_ / "run/cameras/registration.json"));
 }
 

@@ -4,12 +4,12 @@
 #include <filesystem>
 #include <map>
 #include <string>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "engine/core/run_program_test_util.h"
 #include "engine/core/subprocess.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
-#include "engine/io/test_util.h"
 #include "engine/sample/capture.h"
 
 namespace litags {
@@ -45,11 +45,8 @@ class SameBytes : public testing::TestWithParam<bool> {  // with known cameras
   }
 
   static void Shell(const std::string& script) {
-    SubprocessOptions child;
-    child.args = {"/bin/sh", "-c", script};
-    const auto result = RunSubprocess(child, CancelToken());
-    ASSERT_TRUE(result.ok()) << result.status();
-    ASSERT_EQ(result->exit_code, 0) << result->tail;
+    const SubprocessResult result = RunProgram("/bin/sh", {"-c", script});
+    ASSERT_EQ(result.exit_code, 0) << result.tail;
   }
 
   static void ExpectSame(const std::string& a, const std::string& b) {

@@ -6,11 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "engine/core/image.h"
+#include "engine/core/run_program_test_util.h"
 #include "engine/core/subprocess.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
 #include "engine/tools/table/lom_test_util.h"
 
 namespace litags {
@@ -33,13 +35,8 @@ class TrainProgramTest : public testing::Test {
     return RunAlone(arguments);
   }
   static Outcome RunAlone(const std::vector<std::string>& arguments) {
-    SubprocessOptions child;
-    child.args = {LITAGS_TRAIN};
-    child.args.insert(child.args.end(), arguments.begin(), arguments.end());
-    child.tail_lines = 1000;
-    const auto result = RunSubprocess(child, CancelToken());
-    EXPECT_TRUE(result.ok()) << result.status();
-    return {result->exit_code, result->tail};
+    const SubprocessResult result = RunProgram(LITAGS_TRAIN, arguments);
+    return {result.exit_code, result.tail};
   }
 
   TempDir dir_;
@@ -266,15 +263,13 @@ TEST_F(TrainProgramTest, ASecondRunReplacesWhatTheFirstWrote) {
 }
 
 TEST_F(TrainProgramTest, AnInterruptedRunSaysHowToGoOn) {
-  SubprocessOptions child;
   // In the foreground, or timeout signals twice: a second signal ends the program without a word.
-  child.args = {"timeout",    "--preserve-status", "--foreground", "--signal=INT",     "3",
-                LITAGS_TRAIN, scene_ + "/low",     "--cameras",    scene_ + "/sparse", "-o",
-                out_,         "--iterations",      "900000",       "--threads",        "1"};
-  const auto result = RunSubprocess(child, CancelToken());
-  ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->exit_code, 130);
-  EXPECT_THAT(result->tail, HasSubstr("cancelled on request; run the same command to go on"));
+  const SubprocessResult result =
+      RunProgram("timeout", {"--preserve-status", "--foreground", "--signal=INT", "3", LITAGS_TRAIN,
+                             scene_ + "/low", "--cameras", scene_ + "/sparse", "-o", out_,
+                             "--iterations", "900000", "--threads", "1"});
+  EXPECT_EQ(result.exit_code, 130);
+  EXPECT_THAT(result.tail, HasSubstr("cancelled on request; run the same command to go on"));
 }
 
 TEST_F(TrainProgramTest, AnOutputFolderThatCannotBeMadeIsNamed) {

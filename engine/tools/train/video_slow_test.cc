@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
+#include "engine/core/run_program_test_util.h"
 #include "engine/core/subprocess.h"
+#include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
-#include "engine/io/test_util.h"
 #include "engine/sample/capture.h"
 #include "engine/video/testing_video.h"
 
@@ -32,21 +32,17 @@ class TrainOnVideo : public testing::Test {
     options.jitter = 0;  // phones hold the exposure of a video
     options.low_mean = 0.1;
     ASSERT_TRUE(sample::WriteCapture(options, dir_ / "room").ok());
-    SubprocessOptions child;
-    child.args = {LITAGS_TEST_VIDEO, dir_ / "room/low", video_};
-    const auto result = RunSubprocess(child, CancelToken());
-    ASSERT_TRUE(result.ok() && result->exit_code == 0) << result.status();
+    const SubprocessResult result = RunProgram(LITAGS_TEST_VIDEO, {dir_ / "room/low", video_});
+    ASSERT_EQ(result.exit_code, 0) << result.tail;
   }
 
   std::string Train(const std::vector<std::string>& more) {
-    SubprocessOptions child;
-    child.args = {LITAGS_TRAIN, video_, "-o", out_, "--threads", "2", "--iterations", "60"};
-    child.args.insert(child.args.end(), more.begin(), more.end());
-    child.tail_lines = 1000;
-    const auto result = RunSubprocess(child, CancelToken());
-    EXPECT_TRUE(result.ok()) << result.status();
-    exit_code_ = result.ok() ? result->exit_code : -1;
-    return result.ok() ? result->tail : "";
+    std::vector<std::string> arguments = {video_, "-o",           out_, "--threads",
+                                          "2",    "--iterations", "60"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const SubprocessResult result = RunProgram(LITAGS_TRAIN, arguments);
+    exit_code_ = result.exit_code;
+    return result.tail;
   }
 
   TempDir dir_;

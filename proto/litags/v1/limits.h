@@ -28,9 +28,10 @@ inline constexpr std::array<std::string_view, 2> kColmapEndings = {".bin", ".txt
 inline constexpr std::array<std::string_view, 4> kArchiveEndings = {".zip", ".tar", ".tar.gz",
                                                                     ".tgz"};
 // How a scene's file ends, by number of ModelFormat; 0 is the default.
-inline constexpr std::array<std::string_view, 16> kModelEndings = {
-    ".ply",  ".ply", ".ply", ".spz",        ".spz", ".compressed.ply", ".splat",    ".glb",
-    ".usda", ".sog", ".zip", ".points.ply", ".las", ".mesh.ply",       ".mesh.glb", ".html"};
+inline constexpr std::array<std::string_view, 17> kModelEndings = {
+    ".ply",   ".ply",      ".ply",      ".spz",  ".spz",   ".compressed.ply",
+    ".splat", ".glb",      ".usda",     ".sog",  ".zip",   ".points.ply",
+    ".las",   ".mesh.ply", ".mesh.glb", ".html", ".litags"};
 
 }  // namespace litags::v1
 

@@ -19,6 +19,7 @@ MODEL_ENDINGS = {
     ".zip": model_service_pb2.MODEL_FORMAT_COLMAP,
     ".html": model_service_pb2.MODEL_FORMAT_HTML,
     ".las": model_service_pb2.MODEL_FORMAT_LAS,
+    ".litags": model_service_pb2.MODEL_FORMAT_LITAGS,
 }
 
 

@@ -10,8 +10,9 @@ const kFormats: [format: string, text: string, ending: string][] = [
   ["PLY", "PLY, normally lit", ".ply"], ["SPZ", "SPZ", ".spz"], ["SOG", "SOG", ".sog"],
   ["COMPRESSED_PLY", "compressed PLY", ".compressed.ply"], ["SPLAT", "splat", ".splat"],
   ["GLB", "glTF", ".glb"], ["USDA", "OpenUSD", ".usda"], ["SPZ_V4", "SPZ, version 4", ".spz"],
-  ["PLY_FULL", "PLY, all attributes", ".ply"],
-  ["HTML", "a page that shows it", ".html"], ["COLMAP", "COLMAP model", ".zip"], ["POINTS", "points, PLY", ".points.ply"], ["LAS", "points, LAS", ".las"],
+  ["PLY_FULL", "PLY, all attributes", ".ply"], ["LITAGS", "litags, for the library", ".litags"],
+  ["HTML", "a page that shows it", ".html"], ["COLMAP", "COLMAP model", ".zip"],
+  ["POINTS", "points, PLY", ".points.ply"], ["LAS", "points, LAS", ".las"],
   ["MESH_GLB", "mesh, glTF", ".mesh.glb"], ["MESH_PLY", "mesh, PLY", ".mesh.ply"],
 ];
 

@@ -1,0 +1,165 @@
+// Uploads to services of our own making, in this process.
+#include "client/upload.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "client/capture.h"
+#include "client/client.h"
+#include "client/client_test_util.h"
+#include "client/status.h"
+
+namespace litags::client {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+class UploadTest : public ClientTest {
+ protected:
+  absl::Status Upload() {
+    auto capture = ScanCapture(dir_.string(), "", "", "");
+    if (!capture.ok()) return capture.status();
+    return UploadFiles(*client_, "jobs/1", capture->files,
+                       [this](const UploadProgress& progress) { last_progress_ = progress; });
+  }
+
+  UploadProgress last_progress_;
+};
+
+TEST_F(UploadTest, AnUploadSendsNamesWithoutFoldersAndAllBytes) {
+  const std::string large(700'000, 'x');  // more than two chunks
+  Write("b.jpg", large);
+  Write("a.JPG", "small");
+  ASSERT_TRUE(Upload().ok());
+  EXPECT_THAT(service_.state()->stored,
+              ElementsAre(std::pair("a.JPG", "small"), std::pair("b.jpg", large)));
+  EXPECT_EQ(last_progress_.files_done, 2);
+  EXPECT_EQ(last_progress_.bytes_done, 700'005);
+}
+
+TEST_F(UploadTest, AnUploadOfWhichTheServerHasLessIsNoSuccess) {
+  Write("a.jpg", "photo");
+  Write("lost.jpg", "photo");
+  const absl::Status status = Upload();
+  EXPECT_EQ(DetailOf(status).reason(), "UPLOAD_BROKEN");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("1 of 2 files"));
+}
+
+TEST_F(UploadTest, ANameThatIsNotUtf8IsToldBeforeItIsSent) {
+  Write("a.jpg", "photo");
+  Write("caf\xE9.jpg", "photo");
+  const absl::Status status = Upload();
+  EXPECT_EQ(DetailOf(status).reason(), "BAD_FILE_NAME");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("caf?.jpg: the file's name is not UTF-8"));
+  EXPECT_EQ(service_.state()->streams, 0);
+}
+
+TEST_F(UploadTest, AnUploadOverABreakingConnectionCompletes) {
+  for (int i = 0; i < 6; ++i) Write(absl::StrCat(i, ".png"), absl::StrCat("photo ", i));
+  ASSERT_TRUE(client_->GetJob("jobs/1").ok());  // the server has answered once
+  service_.state()->breaks_left = 2;
+  ASSERT_TRUE(Upload().ok());
+  EXPECT_EQ(service_.state()->streams, 3);
+  EXPECT_EQ(service_.state()->stored.size(), 6u);
+  EXPECT_EQ(service_.state()->stored["5.png"], "photo 5");
+}
+
+TEST_F(UploadTest, ARefusedFileIsNotSentAgain) {
+  Write("bad.jpg", "no photo");
+  const absl::Status status = Upload();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(DetailOf(status).field(), "images[bad.jpg]");
+  EXPECT_EQ(service_.state()->streams, 1);
+}
+
+TEST_F(UploadTest, NoPhotoIsSentBesideCamerasThatAreRefused) {
+  Write("a.jpg", "photo");
+  Write("m/cameras.txt", "cameras");
+  Write("m/images.txt", "images");
+  auto capture = ScanCapture(dir_.string(), (dir_ / "m").string(), "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  service_.state()->refused = "cameras.txt";
+  const auto upload = [&] {
+    return UploadFiles(*client_, "jobs/1", capture->files, [](const UploadProgress&) {});
+  };
+  EXPECT_EQ(DetailOf(upload()).reason(), "MODEL_CORRUPT");
+  EXPECT_EQ(service_.state()->announced.count("a.jpg"), 0);
+  service_.state()->refused = "";
+  EXPECT_EQ(upload(), absl::OkStatus());
+  EXPECT_EQ(service_.state()->stored.size(), 3u);
+}
+
+TEST_F(UploadTest, AVideoIsSentAsOneFile) {
+  Write("night.MP4", "video");
+  const auto capture = ScanCapture((dir_ / "night.MP4").string(), "", "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  ASSERT_EQ(capture->files.size(), 1u);
+  EXPECT_EQ(capture->files[0].role, v1::FILE_ROLE_VIDEO);
+  EXPECT_EQ(capture->files[0].name, "night.MP4");
+  // In a folder it is none of the photos.
+  const absl::Status folder = ScanCapture(dir_.string(), "", "", "").status();
+  EXPECT_THAT(std::string(folder.message()), HasSubstr("give the video itself: night.MP4"));
+}
+
+TEST_F(UploadTest, AnUnreadablePhotoIsLeftOutWithItsMaskWhileEnoughRemain) {
+  for (const char* name :
+       {"a.jpg", "b.jpg", "bad.jpg", "c.jpg", "masks/a.jpg.png", "masks/bad_MASK.png"}) {
+    Write(name, "x");
+  }
+  ASSERT_TRUE(Upload().ok());
+  EXPECT_EQ(service_.state()->stored.size(), 4u);
+  EXPECT_EQ(service_.state()->stored.count("bad_MASK.png"), 0u);
+  EXPECT_THAT(last_progress_.left_out, ElementsAre(HasSubstr("bad.jpg is left out: ")));
+  EXPECT_EQ(last_progress_.files_done, 4);
+  EXPECT_EQ(last_progress_.bytes, 4);
+
+  auto capture = ScanCapture(dir_.string(), "", "", "");
+  ASSERT_TRUE(capture.ok());
+  const absl::Status strict = UploadFiles(
+      *client_, "jobs/1", capture->files, [](const UploadProgress&) {}, /*strict=*/true);
+  EXPECT_EQ(DetailOf(strict).field(), "images[bad.jpg]");
+}
+
+TEST_F(UploadTest, AnUnreadablePhotoThatComesLastIsNamedToo) {
+  for (const char* name : {"a.jpg", "aa.jpg", "ab.jpg", "ac.jpg"}) Write(name, "x");
+  Write("bad.jpg", std::string(9 << 20, 'x'));  // alone in its stream
+  ASSERT_TRUE(Upload().ok());
+  EXPECT_EQ(last_progress_.files, 4);
+  EXPECT_EQ(last_progress_.files_done, 4);
+  EXPECT_THAT(last_progress_.left_out, ElementsAre(HasSubstr("bad.jpg is left out: ")));
+}
+
+TEST_F(UploadTest, AnUnreadablePhotoAfterItsMaskTakesNothingElseAlong) {
+  std::vector<LocalFile> files;
+  const auto add = [&](const std::string& name, v1::FileRole role, const std::string& content) {
+    Write(name, content);
+    files.push_back({dir_ / name, name, role, "", static_cast<int64_t>(content.size()), ""});
+  };
+  add("bad.png", v1::FILE_ROLE_MASK, std::string(9 << 20, 'x'));  // alone in the first stream
+  add("bad_mask.png", v1::FILE_ROLE_MASK, "x");
+  for (const char* name : {"bad.jpg", "a.jpg", "b.jpg", "c.jpg"}) {
+    add(name, v1::FILE_ROLE_PHOTO, "x");
+  }
+  add("a.png", v1::FILE_ROLE_MASK, "x");
+  const absl::Status status =
+      UploadFiles(*client_, "jobs/1", files,
+                  [this](const UploadProgress& progress) { last_progress_ = progress; });
+  EXPECT_TRUE(status.ok()) << status;
+  EXPECT_THAT(service_.state()->stored,
+              ElementsAre(std::pair("a.jpg", "x"), std::pair("a.png", "x"), std::pair("b.jpg", "x"),
+                          std::pair("c.jpg", "x")));
+  EXPECT_EQ(files.size(), 4u);
+  EXPECT_EQ(last_progress_.files_done, 4);
+  EXPECT_EQ(last_progress_.bytes_done, 4);
+  EXPECT_EQ(last_progress_.bytes, 4);
+}
+
+}  // namespace
+}  // namespace litags::client
