@@ -77,9 +77,12 @@ class BadUploads(harness.ServiceTest):
         identity = [[float(row == column) for column in range(4)] for row in range(4)]
         frames = [{"file_path": f"./images/frame_{i}.png", "transform_matrix": identity} for i in range(3)]
         cameras = json.dumps({"camera_angle_x": 1.0, "w": 64, "h": 48, "frames": frames})
-        photos = [(f"photo_{i}.png", harness.png(seed=i)) for i in range(3)]
-        self.refused_submit([*photos, ("transforms.json", cameras.encode())], "NO_MATCHING_CAMERAS",
-                            "cameras", "photo_0.png.*frame_0.png")
+        path = os.path.join(self.folder, "transforms.json")
+        with open(path, "w") as file:
+            file.write(cameras)
+        _, err = self.litags("submit", self.photos(), "--cameras", path, exit_code=2)
+        self.assertIn("NO_MATCHING_CAMERAS", err)
+        self.assertRegex(err, "'a.png', and one is './images/frame_0.png'")
 
     def test_names_that_are_paths(self):
         for name in ("../evil.png", "a/b.png", "/etc/passwd.png", "..", "a\\..\\b.png", "a\nb.png",

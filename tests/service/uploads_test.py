@@ -37,13 +37,13 @@ def bytes_on_disk(data_folder):
 
 # One camera, as Metashape exports it.
 COLMAP_TEXT = {"cameras": b"1 PINHOLE 64 48 50 50 32 24\n",
-               "images": b"1 1 0 0 0 0 0 0 1 photo_00.png\n\n", "points3D": b"1 0 0 4 9 9 9 0\n"}
+               "images": b"1 1 0 0 0 0 0 0 1 a.png\n\n", "points3D": b"1 0 0 4 9 9 9 0\n"}
 
 
 def colmap_model(x=0.0):
     """The three files of a camera at this place, as COLMAP_TEXT."""
     return {"cameras": struct.pack("<QIi2Q4d", 1, 1, 1, 64, 48, 50 + x, 50, 32, 24),
-            "images": struct.pack("<QI7dI", 1, 1, 1, 0, 0, 0, -x, 0, 0, 1) + b"photo_00.png\0" +
+            "images": struct.pack("<QI7dI", 1, 1, 1, 0, 0, 0, -x, 0, 0, 1) + b"a.png\0" +
                       struct.pack("<Q", 0),
             "points3D": struct.pack("<QQ3d3BdQ", 1, 1, x, 0, 4, 9, 9, 9, 0, 0)}
 
@@ -341,7 +341,7 @@ class Archives(harness.ServiceTest):
             self.assertIn(f"images.{form}", err)
 
     def test_known_cameras_may_be_metashapes(self):
-        cameras = METASHAPE.format(label="photo_00")
+        cameras = METASHAPE.format(label="a")
         path = os.path.join(self.folder, "cameras.xml")
         with open(path, "w") as file:
             file.write(cameras)
@@ -362,7 +362,7 @@ class Archives(harness.ServiceTest):
         _, err = self.litags("submit", self.photos(), "--cameras", path, exit_code=2)
         self.assertRegex(err, "BAD_BUNDLE")
         with open(os.path.join(self.folder, "room.list.txt"), "w") as file:
-            file.write("photo_00.png\n")
+            file.write("a.png\n")
         out, _ = self.litags("submit", self.photos(), "--cameras", path, "--iterations", "10",
                              "--watch")
         job = self.jobs.GetJob(rpc.GetJobRequest(name=out.strip()))
