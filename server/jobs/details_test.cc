@@ -5,6 +5,8 @@
 
 #include <fstream>
 
+#include "absl/strings/str_cat.h"
+#include "engine/core/error.h"
 #include "engine/core/error_test_util.h"
 #include "engine/core/temp_dir_test_util.h"
 #include "server/jobs/codec.h"
@@ -20,6 +22,7 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 // Calls `on_link` before each link.
 class LinkedBlobs : public FaultyBlobStore {
@@ -166,6 +169,40 @@ TEST_F(DetailsTest, ACloneThatIsCancelledGoesOnWhereItWas) {
   EXPECT_EQ(Names(clone->id), Names(id));
   EXPECT_EQ(jobs.Clone(id, wanted)->id, clone->id);
   EXPECT_EQ(links, 3);
+}
+
+// More than go into one change of the store.
+TEST_F(DetailsTest, ACloneOfManyFilesHasThemAll) {
+  const std::string id = UploadedJob(jobs_);
+  const auto add = [](JobTransaction& job) -> absl::Status {
+    for (int i = 0; i < 450; ++i) {
+      const std::string name = absl::StrCat(i, ".jpg");
+      LITAGS_RETURN_IF_ERROR(
+          job.PutFile({name, FileRole::kPhoto, 5, Sha256::Hex("a.jpg"), 64, 48}));
+    }
+    return absl::OkStatus();
+  };
+  ASSERT_TRUE(store_->Update(id, add).ok());
+  const auto clone = jobs_.Clone(id, {});
+  ASSERT_TRUE(clone.ok()) << clone.status();
+  EXPECT_EQ(Names(clone->id), Names(id));
+  EXPECT_EQ(clone->photos, 453);
+  EXPECT_EQ(clone->bytes, jobs_.Get(id)->bytes);
+}
+
+TEST_F(DetailsTest, ACloneForWhichThereIsNoRoomTakesNoFile) {
+  ClientView view;
+  view.owner = "me";
+  view.max_bytes = 29;
+  const auto mine = jobs_.For(view);
+  const std::string id = UploadedJob(*mine);
+  ASSERT_EQ(mine->Get(id)->bytes, 15);
+  NewJob wanted;
+  wanted.request_id = "once";
+  EXPECT_EQ(Reason(mine->Clone(id, wanted).status()), "BYTE_QUOTA_REACHED");
+  EXPECT_THAT(Names(mine->Create(wanted)->id), IsEmpty());
+  view.max_bytes = 30;
+  EXPECT_TRUE(jobs_.For(view)->Clone(id, wanted).ok());
 }
 
 TEST_F(DetailsTest, ACloneThatLacksAMaskTakesItsArchiveAgain) {
