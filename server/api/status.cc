@@ -27,9 +27,7 @@ absl::StatusOr<std::string> ParseJobName(const std::string& name) {
   return id;
 }
 
-absl::Status CallCancelled() {
-  return MakeError(absl::StatusCode::kCancelled, "CALL_CANCELLED", "", "the call was cancelled");
-}
+absl::Status CallCancelled() { return absl::CancelledError("the call was cancelled"); }
 
 absl::Status ShuttingDown() {
   return MakeError(absl::StatusCode::kUnavailable, "SHUTTING_DOWN", "",

@@ -161,17 +161,19 @@ TEST(Archive, BackslashesAreRefusedUnlessTheyAreAZipsFolders) {
   EXPECT_EQ(Reason(Extract(Pack({{"..\\evil.jpg", "x"}}, "zip"))), "ARCHIVE_ENTRY_UNSAFE");
 }
 
-// Stored, without the mark that names are UTF-8, and the list of contents at the end.
-std::string ZipOf(const std::string& name, const std::string& bytes, uint32_t crc) {
+// Stored, without the mark that names are UTF-8 unless `flags` has it, and the list of contents at
+// the end.
+std::string ZipOf(const std::string& name, const std::string& bytes, uint32_t crc,
+                  uint32_t flags = 0) {
   const auto number = [](uint32_t value, int size) {
     std::string out;
     for (int i = 0; i < size; ++i) out += static_cast<char>(value >> (8 * i));
     return out;
   };
   const auto size = static_cast<uint32_t>(bytes.size());
-  const std::string about = number(20, 2) + std::string(8, 0) + number(crc, 4) + number(size, 4) +
-                            number(size, 4) + number(static_cast<uint32_t>(name.size()), 2) +
-                            number(0, 2);
+  const std::string about = number(20, 2) + number(flags, 2) + std::string(6, 0) + number(crc, 4) +
+                            number(size, 4) + number(size, 4) +
+                            number(static_cast<uint32_t>(name.size()), 2) + number(0, 2);
   const std::string file = "PK\3\4" + about + name + bytes;
   const std::string listed = "PK\1\2" + number(20, 2) + about + std::string(14, 0) + name;
   return file + listed + "PK\5\6" + number(0, 4) + number(1, 2) + number(1, 2) +
@@ -200,6 +202,19 @@ TEST(Archive, NamesOfWindowsZipsAreInItsOldCharacterSet) {
                                  "che.jpg",
                                  "a"}}))),
             "");  // a TAR's stays as it is
+}
+
+TEST(Archive, DamagedOnesAreRefusedWithTheEntryWhereTheyAre) {
+  for (const std::string& bytes :
+       {ZipOf("a.jpg", "a", 0), Tar({{"a.jpg", std::string(3000, 'a')}}).substr(0, 1024)}) {
+    const absl::Status status = Extract(bytes);
+    EXPECT_EQ(Reason(status), "ARCHIVE_CORRUPT");
+    EXPECT_THAT(std::string(status.message()), HasSubstr("from the entry a.jpg on"));
+  }
+}
+
+TEST(Archive, EncryptedOnesAreRefused) {
+  EXPECT_EQ(Reason(Extract(ZipOf("a.jpg", "a", 0xE8B7BE43, 1))), "ARCHIVE_ENCRYPTED");
 }
 
 TEST(Archive, NamesAreShownAsUtf8) {

@@ -53,13 +53,21 @@ TEST(Tokens, TableFindsTheNameAndHoldsOnlyDigests) {
 TEST(Tokens, BrokenEntriesAreRefusedWithTheirLineAndWithoutTheirDigest) {
   const std::string good = TokenEntry("alice", "t");
   const std::string digest = Sha256::Hex("t");
-  for (const std::string& bad :
-       {std::string("alice"), "alice:" + digest, "alice:sha256:" + digest.substr(1),
-        "alice:md5:" + digest, ":sha256:" + digest, "a b:sha256:" + digest, good + "00",
-        std::string("alice:sha256:") + std::string(64, 'G')}) {
+  const std::string entry = "TOKEN_ENTRY_INVALID", name = "CLIENT_NAME_INVALID";
+  const std::pair<std::string, std::string> broken[] = {
+      {"alice", entry},
+      {"alice:" + digest, entry},
+      {"alice:sha256:" + digest.substr(1), entry},
+      {"alice:md5:" + digest, entry},
+      {":sha256:" + digest, name},
+      {"a b:sha256:" + digest, name},
+      {good + "00", entry},
+      {"alice:sha256:" + std::string(64, 'G'), entry}};
+  for (const auto& [bad, reason] : broken) {
     TokenTable table;
     const absl::Status status = table.AddLines(good + "\n" + bad, "tokens");
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << bad;
+    EXPECT_EQ(Reason(status), reason) << bad;
     EXPECT_EQ(Field(status), "tokens line 2") << bad;
     EXPECT_THAT(std::string(status.message()), Not(HasSubstr(digest.substr(1)))) << bad;
   }

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "engine/core/error_test_util.h"
+#include "server/api/view_request.h"
 
 namespace litags {
 namespace {
@@ -104,6 +105,11 @@ TEST(Orbit, GoesAllAroundIfThePhotosDoOrIfAsked) {
   EXPECT_NEAR(std::abs(asked[2]), 170, 1e-6);
   const auto part = OrbitOf({10, 20}, 3, -90);
   EXPECT_NEAR(std::abs(part[2] - part[0]), 90, 1e-6);
+}
+
+TEST(ResolveLens, NeedsACameraOfTheScene) {
+  EXPECT_EQ(Reason(ResolveLens({}, "", "pose.camera", CircleScene({}), 100).status()),
+            "SCENE_WITHOUT_CAMERAS");
 }
 
 }  // namespace

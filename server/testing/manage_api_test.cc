@@ -248,6 +248,9 @@ TEST_F(ManageApi, AnUpdateTakesWhatItsMaskNames) {
   request.mutable_job()->clear_etag();
   request.mutable_job()->set_display_name("two\nlines");
   EXPECT_REFUSED(Update(request, &job), INVALID_ARGUMENT, "TEXT_INVALID", "job.display_name");
+  request.mutable_job()->set_display_name(std::string(201, 'x'));
+  EXPECT_REFUSED(Update(request, &job), INVALID_ARGUMENT, "DISPLAY_NAME_TOO_LONG",
+                 "job.display_name");
   for (const char* path : {"labels", "policy.priority"}) {
     (*request.mutable_job()->mutable_labels())["a"] = "no value!";
     request.mutable_job()->mutable_policy()->set_priority(101);

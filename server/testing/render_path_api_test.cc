@@ -33,6 +33,14 @@ class PathApi : public ApiTest {
     return reader->Finish();
   }
 
+  // The reason and the field of the path's refusal.
+  std::string Refusal() {
+    std::vector<v1::RenderPathResponse> frames;
+    const auto detail = DetailOf(Path(&frames));
+    EXPECT_TRUE(frames.empty());
+    return detail.reason + " " + detail.field;
+  }
+
   // Camera centre of a frame: -R^T t.
   static std::array<double, 3> Center(const v1::RenderPathResponse& frame) {
     Camera camera;
@@ -122,59 +130,52 @@ TEST_F(PathApi, LightAndExposureGoEvenlyFromTheFirstFrameToTheLast) {
 }
 
 TEST_F(PathApi, BadLightsAndExposuresAreRefusedWithTheirField) {
-  std::vector<v1::RenderPathResponse> frames;
   path_.mutable_orbit();
-  const auto refusal = [&] {
-    const auto detail = DetailOf(Path(&frames));
-    return detail.reason + " " + detail.field;
-  };
   path_.mutable_light()->set_first(kNan);
-  EXPECT_EQ(refusal(), "LIGHT_INVALID light.first");
+  EXPECT_EQ(Refusal(), "LIGHT_INVALID light.first");
   path_.mutable_light()->set_first(0);
   path_.mutable_light()->set_last(4.5);
-  EXPECT_EQ(refusal(), "LIGHT_INVALID light.last");
+  EXPECT_EQ(Refusal(), "LIGHT_INVALID light.last");
   path_.mutable_light()->set_last(1);
   path_.mutable_settings()->set_channel(v1::CHANNEL_DEPTH);
-  EXPECT_EQ(refusal(), "LIGHT_INVALID light");
+  EXPECT_EQ(Refusal(), "LIGHT_INVALID light");
   path_.mutable_settings()->set_channel(v1::CHANNEL_LIGHT);
   path_.mutable_settings()->set_light(0.5);
-  EXPECT_EQ(refusal(), "LIGHT_INVALID light");
+  EXPECT_EQ(Refusal(), "LIGHT_INVALID light");
   path_.clear_light();
   path_.mutable_settings()->Clear();
   path_.mutable_exposure_stops()->set_first(-11);
-  EXPECT_EQ(refusal(), "EXPOSURE_INVALID exposure_stops.first");
+  EXPECT_EQ(Refusal(), "EXPOSURE_INVALID exposure_stops.first");
   path_.mutable_exposure_stops()->set_first(1);
   path_.mutable_settings()->set_exposure_stops(1);
-  EXPECT_EQ(refusal(), "EXPOSURE_INVALID exposure_stops");
+  EXPECT_EQ(Refusal(), "EXPOSURE_INVALID exposure_stops");
   path_.mutable_settings()->Clear();
   path_.mutable_settings()->set_channel(v1::CHANNEL_ALPHA);
-  EXPECT_EQ(refusal(), "EXPOSURE_INVALID exposure_stops");
-  EXPECT_TRUE(frames.empty());
+  EXPECT_EQ(Refusal(), "EXPOSURE_INVALID exposure_stops");
 }
 
 TEST_F(PathApi, BadPathsAreRefusedWithTheirField) {
-  std::vector<v1::RenderPathResponse> frames;
-  EXPECT_EQ(DetailOf(Path(&frames)).reason, "PATH_MISSING");
+  EXPECT_EQ(Refusal(), "PATH_MISSING path");
   path_.mutable_keyframes()->add_poses()->set_camera("a.png");
+  std::vector<v1::RenderPathResponse> frames;
   const grpc::Status one = Path(&frames);
   EXPECT_EQ(DetailOf(one).reason, "TOO_FEW_KEYFRAMES");
   EXPECT_THAT(one.error_message(), ::testing::HasSubstr("a path through 1 pose;"));
   path_.mutable_keyframes()->add_poses()->mutable_look_at()->mutable_eye()->set_z(kNan);
-  EXPECT_EQ(DetailOf(Path(&frames)).field, "keyframes.poses[1].look_at.eye");
+  EXPECT_EQ(Refusal(), "POSE_NOT_FINITE keyframes.poses[1].look_at.eye");
   path_.mutable_orbit()->set_elevation_deg(90);
-  EXPECT_EQ(DetailOf(Path(&frames)).field, "orbit.elevation_deg");
+  EXPECT_EQ(Refusal(), "ORBIT_INVALID orbit.elevation_deg");
   path_.mutable_orbit()->clear_elevation_deg();
   path_.mutable_orbit()->set_radius_scale(1e308);
-  EXPECT_EQ(DetailOf(Path(&frames)).field, "orbit.radius_scale");
+  EXPECT_EQ(Refusal(), "ORBIT_INVALID orbit.radius_scale");
   path_.mutable_orbit()->set_radius_scale(1);
   path_.mutable_orbit()->set_sweep_deg(1e308);
-  EXPECT_EQ(DetailOf(Path(&frames)).field, "orbit.sweep_deg");
+  EXPECT_EQ(Refusal(), "ORBIT_INVALID orbit.sweep_deg");
   path_.mutable_keyframes()->add_poses()->set_camera("none.png");
-  EXPECT_EQ(DetailOf(Path(&frames)).field, "keyframes.poses[0].camera");
+  EXPECT_EQ(Refusal(), "CAMERA_NOT_FOUND keyframes.poses[0].camera");
   path_.mutable_orbit();
   path_.set_frames(-1);
-  EXPECT_EQ(DetailOf(Path(&frames)).reason, "FRAMES_INVALID");
-  EXPECT_TRUE(frames.empty());
+  EXPECT_EQ(Refusal(), "FRAMES_INVALID frames");
 }
 
 }  // namespace

@@ -205,6 +205,16 @@ TEST_F(UploadApi, DamagedAndDisorderlyUploadsAreRefused) {
                  "FILE_SIZE_MISMATCH", "images[a.png]");
   EXPECT_REFUSED(client_.UploadRaw(with_name(FileMessages(file, "", int64_t{1} << 40))),
                  RESOURCE_EXHAUSTED, "FILE_TOO_LARGE", "images[a.png]");
+  EXPECT_REFUSED(UploadOne({file.name, file.bytes, static_cast<v1::FileRole>(99)}),
+                 INVALID_ARGUMENT, "FILE_ROLE_UNKNOWN", "file.role");
+  auto messages = with_name(FileMessages(file));
+  for (const size_t size : {size_t{0}, v1::kMaxChunkBytes + 1}) {
+    messages[2].set_chunk(std::string(size, 'x'));
+    EXPECT_REFUSED(client_.UploadRaw(messages), INVALID_ARGUMENT, "CHUNK_SIZE_INVALID",
+                   "images[a.png]");
+  }
+  messages[1].mutable_file()->set_offset(-1);
+  EXPECT_REFUSED(client_.UploadRaw(messages), INVALID_ARGUMENT, "OFFSET_NEGATIVE", "images[a.png]");
   EXPECT_REFUSED(client_.UploadRaw(FileMessages(file)), INVALID_ARGUMENT, "UPLOAD_ORDER", "part");
   EXPECT_REFUSED(client_.UploadRaw({}), INVALID_ARGUMENT, "UPLOAD_ORDER", "part");
   EXPECT_REFUSED(client_.UploadRaw({NameMessage(name), NameMessage(name)}), INVALID_ARGUMENT,
