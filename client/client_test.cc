@@ -248,6 +248,19 @@ TEST_F(ClientTest, AnInterruptEndsAWatch) {
   EXPECT_TRUE(absl::IsCancelled(status)) << status;
 }
 
+TEST_F(ClientTest, APathWithoutAllOfItsFramesIsAnError) {
+  const auto reason = [&](int lost_frame, bool breaks) {
+    render_.lost_frame = lost_frame;
+    render_.breaks = breaks;
+    const auto take = [](const v1::RenderPathResponse&) { return absl::OkStatus(); };
+    return DetailOf(client_->RenderPath({}, take)).reason();
+  };
+  EXPECT_EQ(reason(-1, false), "");
+  EXPECT_EQ(reason(1, false), "FRAMES_BROKEN");
+  EXPECT_EQ(reason(2, false), "FRAMES_BROKEN");
+  EXPECT_EQ(reason(2, true), "PATH_INTERRUPTED");
+}
+
 TEST_F(ClientTest, AnExportIsPassedOnInOrder) {
   std::string bytes;
   int64_t announced = 0;

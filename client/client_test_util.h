@@ -226,6 +226,8 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
 class FakeRender : public v1::RenderService::Service {
  public:
   std::atomic<int> calls = 0;
+  std::atomic<int> lost_frame = -1;  // is not sent
+  std::atomic<bool> breaks = false;  // behind the frames
   grpc::Status RenderPath(grpc::ServerContext*, const v1::RenderPathRequest*,
                           grpc::ServerWriter<v1::RenderPathResponse>* writer) override {
     ++calls;
@@ -233,9 +235,9 @@ class FakeRender : public v1::RenderService::Service {
     response.set_frames(3);
     for (int frame = 0; frame < 3; ++frame) {
       response.set_frame(frame);
-      writer->Write(response);
+      if (frame != lost_frame) writer->Write(response);
     }
-    return grpc::Status::OK;
+    return breaks ? Broken() : grpc::Status::OK;
   }
 };
 

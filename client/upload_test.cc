@@ -52,6 +52,17 @@ TEST_F(UploadTest, AnUploadOfWhichTheServerHasLessIsNoSuccess) {
   EXPECT_THAT(std::string(status.message()), HasSubstr("1 of 2 files"));
 }
 
+TEST_F(UploadTest, AFileThatBecomesShorterIsNotSentWhole) {
+  Write("a.jpg", "photo");
+  auto capture = ScanCapture(dir_.string(), "", "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  ASSERT_TRUE(ContentDigest(capture->files, interrupt_, [](const LocalFile&) {}).ok());
+  std::filesystem::resize_file(dir_ / "a.jpg", 3);
+  const absl::Status status =
+      UploadFiles(*client_, "jobs/1", capture->files, [](const UploadProgress&) {});
+  EXPECT_EQ(DetailOf(status).reason(), "FILE_CHANGED");
+}
+
 TEST_F(UploadTest, ANameThatIsNotUtf8IsToldBeforeItIsSent) {
   Write("a.jpg", "photo");
   Write("caf\xE9.jpg", "photo");

@@ -122,6 +122,14 @@ TEST(ParseSettings, ReadsSizes) {
   }
 }
 
+TEST(ParseSettings, TakesFourNumbersOfALens) {
+  SettingsArgs args;
+  args.intrinsics = "500,510,320,240";
+  EXPECT_EQ(ParseSettings(args)->intrinsics().cy(), 240);
+  args.intrinsics = "500,510,320";
+  EXPECT_EQ(ReasonOf(ParseSettings(args).status()), "INTRINSICS_INVALID");
+}
+
 TEST(ParseSettings, ALightAloneChoosesItsChannelAnExposureDoesNot) {
   SettingsArgs args;
   args.exposure = 1.5;

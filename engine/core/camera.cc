@@ -139,13 +139,13 @@ void Camera::SetViewmat(const std::array<double, 16>& m) {
 absl::Status Camera::LookAt(const Vec3& eye, const Vec3& target, const Vec3& up) {
   Vec3 forward = Sub(target, eye);
   if (!Normalize(&forward)) {
-    return InvalidInput("DEGENERATE_LOOK_AT", "look_at.target",
+    return InvalidInput("LOOK_AT_DEGENERATE", "look_at.target",
                         "look_at.target: equals the eye or is not finite; give a point to look at");
   }
   Vec3 right = Cross(forward, up);
   if (!Normalize(&right)) {
     return InvalidInput(
-        "DEGENERATE_LOOK_AT", "look_at.up",
+        "LOOK_AT_DEGENERATE", "look_at.up",
         "look_at.up: zero, not finite, or along the viewing direction; give another up");
   }
   const Vec3 down = Cross(forward, right);

@@ -10,6 +10,7 @@
 #include "engine/core/cancel.h"
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
+#include "engine/core/error_test_util.h"
 #include "engine/core/image.h"
 #include "engine/core/json_text.h"
 #include "engine/core/parallel.h"
@@ -86,6 +87,12 @@ TEST(Camera, LookAtPutsTheTargetOnTheAxisAndUpUp) {
   EXPECT_NEAR(center[0], 1, 1e-12);
   EXPECT_NEAR(center[1], 2, 1e-12);
   EXPECT_NEAR(center[2], 3, 1e-12);
+}
+
+TEST(Camera, LookAtNeedsADirectionAndAnUpBesideIt) {
+  Camera camera = TestCamera();
+  EXPECT_EQ(Reason(camera.LookAt({1, 2, 3}, {1, 2, 3}, {0, 0, 1})), "LOOK_AT_DEGENERATE");
+  EXPECT_EQ(Reason(camera.LookAt({1, 2, 3}, {1, 2, 5}, {0, 0, 1})), "LOOK_AT_DEGENERATE");
 }
 
 TEST(Camera, UnprojectIsWhatProjectUndoes) {

@@ -266,6 +266,7 @@ TEST_F(SubprocessTest, LowersPriority) {
 TEST_F(SubprocessTest, OptionsNameTheFieldThatBreaksItsRule) {
   SubprocessOptions options;
   EXPECT_EQ(GetErrorDetail(options.Validate())->field, "args");
+  EXPECT_EQ(Reason(options.Validate()), "ARGUMENT_MISSING");
   options.args = {"true"};
   EXPECT_TRUE(options.Validate().ok());
   options.env = {"novalue"};
