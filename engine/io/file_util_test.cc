@@ -135,6 +135,14 @@ TEST(ReadFile, RefusesMissingTooLargeAndSpecialFiles) {
   EXPECT_EQ(Reason(ReadFile(dir.path(), "f", 100).status()), "NOT_A_FILE");
 }
 
+TEST(ReadFile, SaysThatAFileMayNotBeRead) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may read every file";
+  TempDir dir;
+  ASSERT_TRUE(WriteFileAtomically(dir / "a", "x").ok());
+  std::filesystem::permissions(dir / "a", std::filesystem::perms::none);
+  EXPECT_EQ(Reason(ReadFile(dir / "a", "f", 100).status()), "NO_PERMISSION");
+}
+
 TEST(ValidateFileName, AcceptsOrdinaryNames) {
   for (const char* name : {"0001.jpg", "IMG 1 (2).JPEG", "a..b.png", "\xC3\xA9t\xC3\xA9.jpg",
                            "\xF0\x9F\x93\xB7.png", "-rf", "\xD7\x90\xE2\x80\x8F.png"}) {

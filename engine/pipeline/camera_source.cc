@@ -120,8 +120,7 @@ absl::StatusOr<std::optional<SparseModel>> LoadRegistration(const std::string& d
   const Json json = ParseJson(text);
   if (!json.is_object() || !json.contains("dropped") || !json.contains("preparation") ||
       !json.contains("notes")) {
-    return MakeError(absl::StatusCode::kDataLoss, "REGISTRATION_CORRUPT", "cameras",
-                     absl::StrCat(dir, "/registration.json is damaged"));
+    return absl::DataLossError(absl::StrCat(dir, "/registration.json is damaged"));
   }
   if (json.value("source", Json()) != source) return std::nullopt;
   LITAGS_ASSIGN_OR_RETURN(SparseModel model, ReadColmapModel(dir, "cameras"));
@@ -134,8 +133,7 @@ absl::StatusOr<std::optional<SparseModel>> LoadRegistration(const std::string& d
     report->dropped = std::move(dropped);
     report->sfm_preparation = std::move(preparation);
   } catch (const Json::exception& e) {
-    return MakeError(absl::StatusCode::kDataLoss, "REGISTRATION_CORRUPT", "cameras",
-                     absl::StrCat(dir, "/registration.json: ", e.what()));
+    return absl::DataLossError(absl::StrCat(dir, "/registration.json: ", e.what()));
   }
   report->registered = static_cast<int>(model.views.size());
   report->sparse_points = static_cast<int64_t>(model.points.size());

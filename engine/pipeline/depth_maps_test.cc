@@ -70,9 +70,11 @@ TEST(DepthMaps, GivenMapsComeFirstUnlessAnotherSourceIsAskedFor) {
   input.depth_dir = input.work_dir + "/maps";
   std::filesystem::create_directory(input.depth_dir);
   Planes ramp(1, kHeight, kWidth);
+  const std::string map = input.depth_dir + "/" + Stem(photos.model.views[1].name) + ".pfm";
+  ASSERT_TRUE(WritePfm(map, ramp).ok());
+  EXPECT_EQ(Reason(Reconstruct(input, WithSource(DepthOrigin::kAuto)).status()), "DEPTH_MAP_EMPTY");
   for (size_t i = 0; i < ramp.data.size(); ++i) ramp.data[i] = 1 + i % kWidth;
-  const std::string stem = Stem(photos.model.views[1].name);
-  ASSERT_TRUE(WritePfm(input.depth_dir + "/" + stem + ".pfm", ramp).ok());
+  ASSERT_TRUE(WritePfm(map, ramp).ok());
   const auto given = Reconstruct(input, WithSource(DepthOrigin::kAuto));
   ASSERT_TRUE(given.ok()) << given.status();
   EXPECT_TRUE(given->depth_used);

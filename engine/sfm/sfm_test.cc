@@ -435,6 +435,11 @@ TEST_F(SfmTest, TriangulationRefusesCamerasThatDoNotFitThePhotos) {
   small.views[1].camera = small.views[1].camera.Scaled(64, 48);
   EXPECT_EQ(Reason(TriangulatePoints(photos, small, work, options_, cancel_).status()),
             "CAMERA_SIZE_MISMATCH");
+  SparseModel one = KnownCameras();
+  one.views.resize(1);
+  one.distortions.resize(1);
+  EXPECT_EQ(Reason(TriangulatePoints(photos, one, work, options_, cancel_).status()),
+            "TOO_FEW_CAMERAS");
   SparseModel nan = KnownCameras();
   nan.views[1].camera.t[0] = std::nan("");
   EXPECT_EQ(TriangulatePoints(photos, nan, work, options_, cancel_).status().code(),

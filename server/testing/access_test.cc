@@ -360,7 +360,8 @@ TEST_F(AccessTest, SelfCallThatIsRefusedForItsCertificateFindsTheServerAlive) {
 }
 
 TEST(ServerFlagsTest, ValuesThatNoWorkerAndNoCallCouldWorkWithAreRefusedAtTheStart) {
-  const auto reason = [](const char* flag, const char* value) -> std::string {
+  const auto reason = [](const char* flag, const char* value,
+                         const char* worker = "/bin/true") -> std::string {
     ServerFlags flags;
     CLI::App app;
     AddServerFlags(&app, &flags);
@@ -370,7 +371,7 @@ TEST(ServerFlagsTest, ValuesThatNoWorkerAndNoCallCouldWorkWithAreRefusedAtTheSta
     } catch (const CLI::ValidationError&) {
       return "not parsed";
     }
-    const auto detail = GetErrorDetail(CheckPrograms(flags, "/bin/true"));
+    const auto detail = GetErrorDetail(CheckPrograms(flags, worker));
     return detail ? detail->reason : "OK";
   };
   EXPECT_EQ(reason("--worker-memory", "100MiB"), "OUT_OF_RANGE");
@@ -378,6 +379,10 @@ TEST(ServerFlagsTest, ValuesThatNoWorkerAndNoCallCouldWorkWithAreRefusedAtTheSta
   EXPECT_EQ(reason("--worker-memory", "6GiB"), "OK");
   EXPECT_EQ(reason("--worker-labels", "a b"), "LABEL_INVALID");
   EXPECT_EQ(reason("--worker-labels", "avx512,site-b"), "OK");
+  EXPECT_EQ(reason("--workers", "1", "/none"), "WORKER_NOT_FOUND");
+  EXPECT_EQ(reason("--workers", "0", "/none"), "OK");
+  EXPECT_EQ(reason("--depth-model", "/none.onnx"), "DEPTH_MODEL_NOT_FOUND");
+  EXPECT_EQ(reason("--depth-model", "/bin/true"), "OK");
   EXPECT_EQ(reason("--picture-burst", "0"), "not parsed");
   EXPECT_EQ(reason("--picture-burst", "1"), "OK");
   for (const char* room : {"--max-export-bytes", "--max-unread-bytes"}) {

@@ -2,8 +2,10 @@
 
 import json
 import os
+import shutil
 import signal
 import struct
+import subprocess
 import tempfile
 import unittest
 
@@ -126,6 +128,17 @@ class Pictures(harness.ServiceTest):
                 self.assertIn(reason, err)
                 self.assertLessEqual(err.count("error:"), 1, err)
         self.assertEqual(os.listdir(self.folder), [])
+
+    def test_a_video_whose_program_is_not_there(self):
+        self.folder = self.new_folder()
+        alone = shutil.copy(os.path.join(harness.BIN, "litags"), self.path("litags"))
+        environment = dict(os.environ, LITAGS_SERVER=self.server.address, PATH=self.folder)
+        told = subprocess.run([alone, "path", "jobs/1", "--orbit", "--video", self.path("v.webm")],
+                              env=environment, stderr=subprocess.PIPE, text=True,
+                              timeout=harness.PATIENCE_S)
+        self.assertEqual(told.returncode, 5, told.stderr)
+        self.assertIn("VIDEO_PROGRAM_MISSING", told.stderr)
+        self.assertEqual(os.listdir(self.folder), ["litags"])
 
     def test_a_path_that_is_refused_leaves_no_folder(self):
         self.finished_job()

@@ -211,6 +211,7 @@ class Hostile(GatewayTest):
             self.assertTrue(b"\r\nx-request-id: " in said.lower() or not said, (text, said))
         said = self.answer(b"GET / HTTP/1.1\r\nX: " + b"y" * 20000 + b"\r\n\r\n")
         self.assertTrue(said.startswith(b"HTTP/1.1 431"), said[:200])
+        self.assertIn(b"HEADERS_TOO_LARGE", said)
         self.assertIn(b"\r\nx-request-id: ", said.lower())
         self.assertEqual(self.web.get("/v1/jobs").code, 200)
 
