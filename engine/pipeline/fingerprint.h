@@ -31,6 +31,7 @@ class Fingerprint {
   void AddFileIfReadable(const std::string& path, int64_t max_bytes) {
     AddFile(path, "", max_bytes).IgnoreError();
   }
+  uint64_t hash() const { return hash_; }
   std::string Text() const { return absl::StrFormat("%016x", hash_); }
 
  private:

@@ -13,6 +13,7 @@
 #include "absl/strings/str_split.h"
 #include "engine/core/utf8.h"
 #include "engine/io/file_util.h"
+#include "engine/pipeline/fingerprint.h"
 
 namespace litags {
 namespace {
@@ -50,11 +51,10 @@ bool ReadNumbers(const std::vector<std::string>& words, const char* version,
   return true;
 }
 
-// FNV-1a.
 uint32_t HashOf(std::string_view text) {
-  uint32_t hash = 0x811C9DC5;
-  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 0x01000193;
-  return hash;
+  Fingerprint fingerprint;
+  fingerprint.Add(text.data(), text.size());
+  return static_cast<uint32_t>(fingerprint.hash());
 }
 
 }  // namespace
