@@ -29,8 +29,8 @@ struct PlyScene {
 };
 
 // Reads such files, properties in any order; scalar properties it does not know are skipped.
-// `field` starts every message. INVALID_ARGUMENT: NOT_A_PLY, PLY_UNSUPPORTED (ASCII, lists, no
-// Gaussians), PLY_TRUNCATED, PLY_TOO_LARGE, NOT_FINITE.
+// `field` starts every message. INVALID_ARGUMENT: NOT_A_PLY, PLY_UNSUPPORTED (ASCII, lists, points
+// that are no Gaussians), PLY_TRUNCATED, PLY_TOO_LARGE, NOT_FINITE.
 absl::StatusOr<PlyScene> DecodePly(std::string_view bytes, std::string_view field,
                                    int64_t max_gaussians = 20'000'000);
 
