@@ -76,16 +76,12 @@ int OrientationOf(const AVStream& stream) {
   if (data == nullptr || size < 9 * sizeof(int32_t)) return 1;
   int32_t matrix[9];
   std::memcpy(matrix, data, sizeof(matrix));
-  const double determinant = double(matrix[0]) * matrix[4] - double(matrix[1]) * matrix[3];
-  const bool mirror = determinant < 0;  // left and right change places before it is turned
-  if (mirror) {
-    matrix[0] = -matrix[0];
-    matrix[1] = -matrix[1];
-  }
   const double degrees = -av_display_rotation_get(matrix);
   const auto quarters =
       std::isfinite(degrees) ? static_cast<int>(std::lround(degrees / 90)) & 3 : 0;
-  constexpr int kTurned[] = {1, 6, 3, 8}, kMirrored[] = {2, 7, 4, 5};  // clockwise
+  const bool mirror = double(matrix[0]) * matrix[4] < double(matrix[1]) * matrix[3];
+  constexpr int kTurned[] = {1, 6, 3, 8};    // clockwise
+  constexpr int kMirrored[] = {4, 5, 2, 7};  // the same after up and down changed places
   return mirror ? kMirrored[quarters] : kTurned[quarters];
 }
 

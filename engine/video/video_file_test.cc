@@ -129,18 +129,20 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& info) { return info.param.name; });
 
 TEST(VideoFile, StandsUprightAsAPlayerShowsIt) {
-  // Where the corner goes by a quarter turn clockwise, each.
-  const std::array<std::array<int, 2>, 4> corners = {{{4, 4}, {59, 4}, {91, 59}, {4, 91}}};
-  for (int quarters = 0; quarters < 4; ++quarters) {
-    TestVideo options;
-    options.quarters = quarters;
-    const Photo photo = FirstPicture(Video(Corner(), options));
-    EXPECT_EQ(photo.width, quarters % 2 ? kHeight : kWidth);
-    ExpectCodes(photo, corners[quarters][0], corners[quarters][1], {230, 230, 230}, 3);
+  // Where the corner goes by a quarter turn clockwise, each; mirrored, it starts at the right.
+  constexpr int kCorners[2][4][2] = {{{4, 4}, {59, 4}, {91, 59}, {4, 91}},
+                                     {{91, 4}, {59, 91}, {4, 59}, {4, 4}}};
+  for (const bool mirror : {false, true}) {
+    for (int quarters = 0; quarters < 4; ++quarters) {
+      TestVideo options;
+      options.quarters = quarters;
+      options.mirror = mirror;
+      const Photo photo = FirstPicture(Video(Corner(), options));
+      EXPECT_EQ(photo.width, quarters % 2 ? kHeight : kWidth);
+      const auto [x, y] = kCorners[mirror][quarters];
+      ExpectCodes(photo, x, y, {230, 230, 230}, 3);
+    }
   }
-  TestVideo mirrored;
-  mirrored.mirror = true;
-  ExpectCodes(FirstPicture(Video(Corner(), mirrored)), 91, 4, {230, 230, 230}, 3);
 }
 
 TEST(VideoFile, SaysWhetherItIsAPanorama) {
