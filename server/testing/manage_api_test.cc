@@ -1,5 +1,4 @@
-// Calls that look after jobs: lists, files, changes, logs, and what the server says of
-// itself.
+// Calls that look after jobs: lists, files, changes, logs, and what the server says of itself.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
