@@ -44,10 +44,18 @@ absl::Status SystemError(std::string_view what, int error) {
                                 "; too many processes, open files or too little memory"));
 }
 
+// Its ends are no standard streams, not even where we were started without those: the child's
+// streams would replace them.
 absl::StatusOr<Pipe> MakePipe() {
   int fds[2];
   if (pipe2(fds, O_CLOEXEC) != 0) return SystemError("pipe", errno);
-  return Pipe{UniqueFd(fds[0]), UniqueFd(fds[1])};
+  Pipe pipe = {UniqueFd(fds[0]), UniqueFd(fds[1])};
+  for (UniqueFd* end : {&pipe.read, &pipe.write}) {
+    if (end->get() > STDERR_FILENO) continue;
+    *end = UniqueFd(fcntl(end->get(), F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
+    if (!end->valid()) return SystemError("pipe", errno);
+  }
+  return pipe;
 }
 
 bool IsProgram(const std::string& path) {
@@ -114,6 +122,11 @@ absl::StatusOr<ExecPlan> MakePlan(const SubprocessOptions& options) {
   return plan;
 }
 
+// Makes `fd` the child's stdin, or leaves it there, open when the program starts.
+bool BecomeStdin(int fd) {
+  return fd == STDIN_FILENO ? fcntl(fd, F_SETFD, 0) == 0 : dup2(fd, STDIN_FILENO) >= 0;
+}
+
 void CloseOnExecFrom(int first, int fd_limit) {
   if (close_range(first, ~0u, CLOSE_RANGE_CLOEXEC) == 0) return;
   for (int fd = first; fd < fd_limit; ++fd) fcntl(fd, F_SETFD, FD_CLOEXEC);  // kernels before 5.11
@@ -141,7 +154,7 @@ void CloseOnExecFrom(int first, int fd_limit) {
   sigprocmask(SIG_SETMASK, &none, nullptr);
 
   const int input_fd = plan.input_fd >= 0 ? plan.input_fd : open("/dev/null", O_RDONLY);
-  if (input_fd < 0 || dup2(input_fd, 0) < 0) fail();
+  if (input_fd < 0 || !BecomeStdin(input_fd)) fail();
   if (dup2(output_fd, 1) < 0 || dup2(output_fd, 2) < 0) fail();
   CloseOnExecFrom(3, plan.fd_limit);
 

@@ -12,6 +12,7 @@
 #include <iterator>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
@@ -253,6 +254,29 @@ TEST_F(SubprocessTest, ReadsTheFileItIsGiven) {
   close(file);
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_EQ(result->tail, "from the file");
+}
+
+// As a program that was started with `n>&-` for each of them.
+TEST_F(SubprocessTest, TheChildHasItsStreamsAlthoughWeHaveNone) {
+  std::ofstream(dir_ / "in") << "from the file\n";
+  const auto run_without = [&](const std::vector<int>& closed, bool file) {
+    const pid_t child = fork();
+    if (child == 0) {
+      for (const int fd : closed) close(fd);
+      SubprocessOptions options = Shell(file ? "cat; echo err >&2" : "cat; echo out; echo err >&2");
+      if (file) options.input_fd = open((dir_ / "in").c_str(), O_RDONLY | O_CLOEXEC);
+      const auto result = Execute(options);
+      _exit(!result.ok() ? 2 : result->tail == (file ? "from the file\nerr" : "out\nerr") ? 0 : 1);
+    }
+    int status = 0;
+    EXPECT_EQ(waitpid(child, &status, 0), child);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  };
+  for (const std::vector<int>& closed :
+       {std::vector<int>{0}, {1}, {2}, {0, 1}, {0, 2}, {1, 2}, {0, 1, 2}}) {
+    EXPECT_EQ(run_without(closed, false), 0) << testing::PrintToString(closed);
+    EXPECT_EQ(run_without(closed, true), 0) << testing::PrintToString(closed);
+  }
 }
 
 TEST_F(SubprocessTest, LowersPriority) {
