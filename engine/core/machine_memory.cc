@@ -30,44 +30,67 @@ int AllowedCores() {
   return static_cast<int>(std::thread::hardware_concurrency());
 }
 
-// Below /sys/fs/cgroup; a container sees its own as "/".
-fs::path OwnGroup(const std::string& root) {
+// Path of the control group that this process is in: for a controller of version 1 ("memory"), or
+// "" for version 2. A container of version 2 sees its own as "/"; one of version 1 is told the
+// machine's path to it, and finds it at the top nevertheless.
+fs::path OwnGroup(const std::string& root, const std::string& controller) {
   std::ifstream file(root + "/proc/self/cgroup");
-  for (std::string line; std::getline(file, line);) {
-    if (line.starts_with("0::/")) return line.substr(4);
+  // NUMBER:CONTROLLER,CONTROLLER:/PATH
+  for (std::string number, names, path; std::getline(file, number, ':') &&
+                                        std::getline(file, names, ':') &&
+                                        std::getline(file, path);) {
+    const bool is_of = ("," + names + ",").find("," + controller + ",") != std::string::npos;
+    if (is_of && path.starts_with('/')) return path.substr(1);
   }
   return "";
 }
 
 // Folders of the control groups that this process is in, its own first, each in the one behind it:
-// none can have more than those around it.
-std::vector<fs::path> ControlGroups(const std::string& root) {
-  const fs::path top = root + "/sys/fs/cgroup";
+// none can have more than those around it. `controller`: as in OwnGroup().
+std::vector<fs::path> ControlGroups(const std::string& root, const std::string& controller) {
+  const fs::path top = fs::path(root + "/sys/fs/cgroup") / controller;
   std::vector<fs::path> groups;
-  for (fs::path group = OwnGroup(root);; group = group.parent_path()) {
+  for (fs::path group = OwnGroup(root, controller);; group = group.parent_path()) {
     groups.push_back(top / group);
     if (group.empty()) return groups;
   }
+}
+
+// The number at the start of a file; 0 if there is none.
+int64_t NumberIn(const fs::path& path) {
+  int64_t number = 0;
+  std::ifstream(path) >> number;
+  return number;
 }
 
 }  // namespace
 
 int64_t MachineMemory(const std::string& root) {
   int64_t bytes = TotalBytes(root);
-  for (const fs::path& group : ControlGroups(root)) {
-    int64_t limit = 0;  // "max", or a number
-    if (std::ifstream(group / "memory.max") >> limit && limit > 0) bytes = std::min(bytes, limit);
-  }
+  const auto limit = [&](const std::string& controller, const char* file) {
+    for (const fs::path& group : ControlGroups(root, controller)) {
+      const int64_t most = NumberIn(group / file);  // 0 for "max"
+      if (most > 0) bytes = std::min(bytes, most);
+    }
+  };
+  limit("", "memory.max");
+  limit("memory", "memory.limit_in_bytes");
   return bytes;
 }
 
 int MachineCores(const std::string& root) {
   double cores = AllowedCores();
-  for (const fs::path& group : ControlGroups(root)) {
+  const auto limit = [&](double quota, double period) {
+    if (quota > 0 && period > 0) cores = std::min(cores, quota / period);
+  };
+  for (const fs::path& group : ControlGroups(root, "")) {
     double quota = 0, period = 0;  // "max PERIOD", or "QUOTA PERIOD"
-    if (std::ifstream(group / "cpu.max") >> quota >> period && quota > 0 && period > 0) {
-      cores = std::min(cores, quota / period);
-    }
+    std::ifstream(group / "cpu.max") >> quota >> period;
+    limit(quota, period);
+  }
+  for (const fs::path& group : ControlGroups(root, "cpu")) {
+    // A quota of -1: none.
+    limit(NumberIn(group / "cpu.cfs_quota_us"), NumberIn(group / "cpu.cfs_period_us"));
   }
   return std::max(1, static_cast<int>(cores));
 }

@@ -6,8 +6,8 @@
 
 namespace litags {
 
-// What this process may use: what the machine has, or what its control groups (version 2) leave it,
-// as in a container. `root` is where /proc and /sys are found.
+// What this process may use: what the machine has, or what its control groups (of version 1 or 2)
+// leave it, as in a container. `root` is where /proc and /sys are found.
 
 // Bytes of main memory. 0: cannot be found out.
 int64_t MachineMemory(const std::string& root = "");

@@ -56,5 +56,33 @@ TEST_F(MachineMemoryTest, LimitThatSaysMaxAndQuotaBelowACoreAreNoZero) {
   EXPECT_EQ(Cores(), 1);
 }
 
+constexpr char kOldGroups[] =
+    "9:memory:/docker/ab12\n4:cpu,cpuacct:/docker/ab12\n1:name=systemd:/docker/ab12\n0::/\n";
+
+TEST_F(MachineMemoryTest, LimitsOfVersion1InAContainerAreAtTheTop) {
+  Write("/proc/self/cgroup", kOldGroups);
+  Write("/sys/fs/cgroup/memory/memory.limit_in_bytes", "2147483648\n");
+  Write("/sys/fs/cgroup/cpu/cpu.cfs_quota_us", "100000\n");
+  Write("/sys/fs/cgroup/cpu/cpu.cfs_period_us", "100000\n");
+  EXPECT_EQ(Memory(), int64_t{2} << 30);
+  EXPECT_EQ(Cores(), 1);
+}
+
+TEST_F(MachineMemoryTest, LimitsOfVersion1OnTheMachineAreOfTheGroupAndOfThoseAroundIt) {
+  Write("/proc/self/cgroup", kOldGroups);
+  Write("/sys/fs/cgroup/memory/memory.limit_in_bytes", "9223372036854771712\n");  // none
+  Write("/sys/fs/cgroup/memory/docker/memory.limit_in_bytes", "1073741824\n");
+  Write("/sys/fs/cgroup/memory/docker/ab12/memory.limit_in_bytes", "4294967296\n");
+  Write("/sys/fs/cgroup/memory/docker/other/memory.limit_in_bytes", "4096\n");
+  Write("/sys/fs/cgroup/cpu/cpu.cfs_quota_us", "-1\n");
+  Write("/sys/fs/cgroup/cpu/cpu.cfs_period_us", "100000\n");
+  const int all = MachineCores(dir_.path() + "/nothing");
+  EXPECT_EQ(Memory(), int64_t{1} << 30);
+  EXPECT_EQ(Cores(), all);
+  Write("/sys/fs/cgroup/cpu/docker/ab12/cpu.cfs_quota_us", "150000\n");
+  Write("/sys/fs/cgroup/cpu/docker/ab12/cpu.cfs_period_us", "100000\n");
+  EXPECT_EQ(Cores(), 1);
+}
+
 }  // namespace
 }  // namespace litags
