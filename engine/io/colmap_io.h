@@ -38,8 +38,9 @@ absl::StatusOr<std::vector<std::string>> CheckColmapFile(std::string_view name,
                                                          std::string_view bytes,
                                                          std::string_view field);
 
-// The model's three files, one camera per distinct set of intrinsics: PINHOLE, or OPENCV where
-// there is distortion. Image and point ids are index + 1.
+// The model's three files, one camera per distinct set of intrinsics: PINHOLE without distortion,
+// OPENCV_FISHEYE of a fisheye, FULL_OPENCV of a lens with more than k1 k2 p1 p2, else OPENCV. Image
+// and point ids are index + 1.
 struct ColmapFiles {
   std::string cameras, images, points;
 };
