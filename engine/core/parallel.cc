@@ -4,7 +4,9 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <exception>
 #include <limits>
+#include <new>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -44,6 +46,14 @@ uint32_t AwaitChange(const std::atomic<uint32_t>& word, uint32_t old) {
 
 thread_local bool inside = false;  // loops inside a loop run on their own thread
 
+class Inside {
+ public:
+  Inside() { inside = true; }
+  ~Inside() { inside = false; }
+  Inside(const Inside&) = delete;
+  Inside& operator=(const Inside&) = delete;
+};
+
 // The helpers of one calling thread. Threads of control never share helpers, so that a picture
 // can be rendered while another thread trains.
 class Team {
@@ -64,7 +74,7 @@ class Team {
     for (int i = 0; i < threads; ++i) {
       shares_[i].Set(num_tasks * i / threads, num_tasks * (i + 1) / threads);
     }
-    const Loop loop{threads, body};
+    Loop loop{threads, body};
     loop_ = &loop;
     gate_.store(0, std::memory_order_release);
     Announce(threads - 1);
@@ -74,6 +84,7 @@ class Team {
     for (uint32_t gate = gate_.load(std::memory_order_acquire); gate != kClosed;) {
       gate = AwaitChange(gate_, gate);
     }
+    if (loop.failed) std::rethrow_exception(loop.failure);
   }
 
  private:
@@ -84,6 +95,8 @@ class Team {
           [this, index = helpers_.size(), start = round_.load()] { Help(index, start); });
       return true;
     } catch (const std::system_error&) {
+      return false;
+    } catch (const std::bad_alloc&) {
       return false;
     }
   }
@@ -114,12 +127,20 @@ class Team {
   struct Loop {
     int threads;
     absl::FunctionRef<void(size_t, int)> body;
+    std::atomic<bool> failed = false;
+    std::exception_ptr failure = nullptr;  // of the thread that set `failed`
   };
 
+  // Around all tasks of a thread, where a try costs nothing.
   void Work(int thread) {
-    for (int i = 0; i < loop_->threads; ++i) {
-      Share& share = shares_[(thread + i) % loop_->threads];
-      for (uint32_t task; share.Take(i == 0, &task);) loop_->body(task, thread);
+    try {
+      for (int i = 0; i < loop_->threads; ++i) {
+        Share& share = shares_[(thread + i) % loop_->threads];
+        for (uint32_t task; share.Take(i == 0, &task);) loop_->body(task, thread);
+      }
+    } catch (...) {
+      if (!loop_->failed.exchange(true)) loop_->failure = std::current_exception();
+      for (int i = 0; i < loop_->threads; ++i) shares_[i].Set(0, 0);
     }
   }
 
@@ -166,11 +187,21 @@ class Team {
   std::atomic<uint32_t> round_{0};
   std::atomic<uint32_t> gate_{kClosed};  // helpers at work; kClosed: no more may come
   std::vector<Share> shares_;            // by thread
-  const Loop* loop_ = nullptr;
+  Loop* loop_ = nullptr;
 };
 
+class LoopTracer;
+
+thread_local LoopTracer* tracer = nullptr;
+
+// Takes over the loops of this thread as long as it lives.
 class LoopTracer {
  public:
+  LoopTracer() { tracer = this; }
+  ~LoopTracer() { tracer = nullptr; }
+  LoopTracer(const LoopTracer&) = delete;
+  LoopTracer& operator=(const LoopTracer&) = delete;
+
   void Run(size_t num_tasks, absl::FunctionRef<void(size_t, int)> body, const char* file,
            int line) {
     trace_.loops.push_back({file, line, Lap(), {}});
@@ -198,8 +229,6 @@ class LoopTracer {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
-thread_local LoopTracer* tracer = nullptr;
-
 }  // namespace
 
 int DefaultThreadCount() {
@@ -219,20 +248,17 @@ void ParallelFor(int threads, size_t num_tasks,
     return;
   }
   thread_local Team team;
-  inside = true;
+  const Inside loop;
   if (tracer != nullptr) {
     tracer->Run(num_tasks, body, file, line);
   } else {
     team.Run(threads, num_tasks, body);
   }
-  inside = false;
 }
 
 Trace TraceLoops(absl::FunctionRef<void()> body) {
   LoopTracer loops;
-  tracer = &loops;
   body();
-  tracer = nullptr;
   return loops.End();
 }
 

@@ -17,8 +17,10 @@ int DefaultThreadCount();
 // starts with a share of consecutive tasks, in order, and then takes the last ones of others'
 // shares: tasks side by side, which often write the same cache lines, seldom run at the same time,
 // and a thread finds in its cache what it wrote in the loop before. Loops of several calling
-// threads run side by side; a loop inside a loop runs on its own thread. Body must not throw.
-// TraceLoops() names a loop by the place of its call (std::source_location is not in clang 14).
+// threads run side by side; a loop inside a loop runs on its own thread. When a task throws, no
+// further ones begin, and the first exception is thrown to the caller once those at work have
+// ended. TraceLoops() names a loop by the place of its call (std::source_location is not in clang
+// 14).
 void ParallelFor(int threads, size_t num_tasks,
                  absl::FunctionRef<void(size_t task, int thread)> body,
                  const char* file = __builtin_FILE(), int line = __builtin_LINE());

@@ -9,6 +9,9 @@
 #include <atomic>
 #include <chrono>
 #include <future>
+#include <new>
+#include <set>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
@@ -111,6 +114,77 @@ TEST(ParallelFor, DoesEveryTaskOnThreadsThatCouldBeStarted) {
   ASSERT_EQ(waitpid(child, &status, 0), child);
   EXPECT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
   EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
+// How many threads have done one of `threads` tasks, each of which waits for all others to begin.
+size_t ThreadsTogether(int threads) {
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  std::atomic<int> at_work = 0;
+  std::vector<std::thread::id> ids(threads);
+  ParallelFor(threads, threads, [&](size_t task, int) {
+    ids[task] = std::this_thread::get_id();
+    ++at_work;
+    while (at_work < threads && std::chrono::steady_clock::now() < deadline) {
+      std::this_thread::yield();
+    }
+  });
+  return std::set<std::thread::id>(ids.begin(), ids.end()).size();
+}
+
+TEST(ParallelFor, WhatATaskThrowsOnAnyThreadComesToTheCallerAndLaterLoopsHaveAllThreads) {
+  for (int thrower = 0; thrower < 3; ++thrower) {
+    std::atomic<int> at_work = 0;
+    std::string caught;
+    try {
+      ParallelFor(3, 3, [&](size_t, int thread) {
+        ++at_work;
+        while (at_work < 3) std::this_thread::yield();  // each thread takes one of the tasks
+        // A loop in a task, which runs on the thread of the task.
+        if (thread == thrower) {
+          ParallelFor(3, 2, [&](size_t, int) { throw std::runtime_error("of a task"); });
+        }
+      });
+    } catch (const std::runtime_error& e) {
+      caught = e.what();
+    }
+    EXPECT_EQ(caught, "of a task") << thrower;
+    EXPECT_EQ(ThreadsTogether(3), 3) << thrower;
+  }
+}
+
+TEST(ParallelFor, ThrowsOneExceptionWhereAllThreadsThrow) {
+  std::atomic<int> at_work = 0;
+  EXPECT_THROW(ParallelFor(3, 1000,
+                           [&](size_t, int) {
+                             ++at_work;
+                             while (at_work < 3) std::this_thread::yield();
+                             throw std::bad_alloc();
+                           }),
+               std::bad_alloc);
+  EXPECT_EQ(at_work, 3) << "a thread went on after its exception";
+  EXPECT_EQ(ThreadsTogether(3), 3);
+}
+
+TEST(ParallelFor, BeginsNoFurtherTaskOnceOneHasThrown) {
+  constexpr int kTasks = 5000;
+  std::atomic<int> begun = 0;
+  EXPECT_THROW(ParallelFor(2, kTasks,
+                           [&](size_t, int thread) {
+                             ++begun;
+                             while (begun < 2) std::this_thread::yield();  // both are at work
+                             if (thread == 0) throw std::bad_alloc();
+                             std::this_thread::sleep_for(std::chrono::milliseconds(1));
+                           }),
+               std::bad_alloc);
+  EXPECT_LT(begun, kTasks);
+}
+
+TEST(TraceLoops, EndsWhereItsBodyThrows) {
+  const auto trace = [] {
+    TraceLoops([] { ParallelFor(3, 3, [](size_t, int) { throw std::bad_alloc(); }); });
+  };
+  EXPECT_THROW(trace(), std::bad_alloc);
+  EXPECT_EQ(ThreadsTogether(3), 3);
 }
 
 TEST(TraceLoops, TimesEveryTaskOfLoopsForSeveralThreadsOnThisThread) {
