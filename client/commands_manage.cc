@@ -39,9 +39,12 @@ std::string RangeText(const v1::OptionInfo& option) {
   if (option.choices_size() > 0) return absl::StrJoin(option.choices(), " | ");
   std::string text;
   if (option.has_minimum() && option.has_maximum()) {
-    text = absl::StrFormat("%.10g..%.10g", option.minimum(), option.maximum());
+    text = absl::StrFormat("%s%.10g..%s%.10g", option.minimum_excluded() ? "above " : "",
+                           option.minimum(), option.maximum_excluded() ? "below " : "",
+                           option.maximum());
   } else if (option.has_minimum()) {
-    text = absl::StrFormat("from %.10g", option.minimum());
+    text =
+        absl::StrFormat("%s %.10g", option.minimum_excluded() ? "above" : "from", option.minimum());
   }
   if (!option.zero_means().empty()) {
     absl::StrAppend(&text, text.empty() ? "" : ", ", "0: ", option.zero_means());
@@ -74,9 +77,10 @@ int Info(Session& session, bool json) {
   Row("workers",
       absl::StrCat(info->workers(), info->depth_network() ? ", with a depth network" : ""));
   const v1::JobLimits& limits = info->job_limits();
-  Row("a job's files", absl::StrCat("at most ", CountText(limits.max_files()), ", ",
-                                    BytesText(limits.max_job_bytes()), " together, ",
-                                    BytesText(limits.max_file_bytes()), " each"));
+  Row("a job's files",
+      absl::StrCat("at most ", CountText(limits.max_files()), ", ",
+                   BytesText(limits.max_job_bytes()), " together, ",
+                   BytesText(limits.max_file_bytes()), " a photo, mask or depth map"));
   Row("its photos", absl::StrCat("at least ", limits.min_photos(), ", at most ",
                                  CountText(limits.max_photo_pixels()), " pixels each"));
   if (limits.max_iterations() > 0) Row("its iterations", CountText(limits.max_iterations()));

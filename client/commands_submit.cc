@@ -31,11 +31,11 @@ struct SubmitArgs {
   Treatment treatment;
 };
 
-// The first few of some names.
-std::string ShortList(std::vector<std::string> names) {
+// The first few of `total` names.
+std::string ShortList(std::vector<std::string> names, size_t total) {
   constexpr size_t kShown = 5;
-  const size_t more = names.size() > kShown ? names.size() - kShown : 0;
-  names.resize(names.size() - more);
+  names.resize(std::min(names.size(), kShown));
+  const size_t more = total - names.size();
   return absl::StrCat(absl::StrJoin(names, ", "),
                       more > 0 ? absl::StrCat(" and ", more, " more") : "");
 }
@@ -43,7 +43,8 @@ std::string ShortList(std::vector<std::string> names) {
 void NoteSkipped(const Capture& capture) {
   if (capture.skipped.empty()) return;
   Note(absl::StrCat(
-      "not sent, since the names are not those of photos: ", ShortList(capture.skipped),
+      "not sent, since the names are not those of photos: ",
+      ShortList(capture.skipped, capture.skipped.size()),
       capture.files.back().role == v1::FILE_ROLE_PHOTO
           ? " (known cameras go with --cameras, depth maps with --depth, masks with --masks)"
           : ""));
@@ -73,7 +74,8 @@ void NoteUpload(const UploadProgress& progress, size_t* told) {
                                         report::BytesText(progress.bytes));
   const bool done = progress.files_done == progress.files;
   if (done && !progress.skipped.empty()) {
-    Note(absl::StrCat("not used, of what is in the archive: ", ShortList(progress.skipped)));
+    Note(absl::StrCat("not used, of what is in the archive: ",
+                      ShortList(progress.skipped, progress.skipped_total)));
   }
   for (; *told < progress.left_out.size(); ++*told) Note(progress.left_out[*told]);
   if (isatty(STDERR_FILENO)) {

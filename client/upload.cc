@@ -255,6 +255,8 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
     progress.files_done += static_cast<int>(last - first);
     progress.bytes_done += bytes;
     for (const std::string& name : batch.response().skipped()) progress.skipped.push_back(name);
+    progress.skipped_total += static_cast<size_t>(
+        std::max(batch.response().skipped_size(), batch.response().skipped_total()));
     on_progress(progress);
   }
   return absl::OkStatus();

@@ -19,7 +19,9 @@ struct UploadProgress {
   int files = 0;
   int64_t bytes_done = 0;
   int64_t bytes = 0;
-  std::vector<std::string> skipped;   // files in archives that the service has no use for
+  // What of archives the service has no use for; of very many the first.
+  std::vector<std::string> skipped;
+  size_t skipped_total = 0;
   std::vector<std::string> left_out;  // why, of each photo that the service cannot read
 };
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <exception>
+#include <new>
 #include <utility>
 
 #include "CLI/Validators.hpp"
@@ -136,6 +138,19 @@ int FlushOutput(int exit, int lost) {
   if (whole) return exit;
   std::fprintf(stderr, "not all of the output could be written\n");
   return exit == 0 ? lost : exit;
+}
+
+int RunProgram(const std::string& name, const std::function<int()>& run) {
+  try {
+    return run();
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "%s: out of memory\n", name.c_str());
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "%s: %s\n", name.c_str(), WithoutControls(e.what()).c_str());
+  } catch (...) {
+    std::fprintf(stderr, "%s: an exception of unknown kind\n", name.c_str());
+  }
+  return 1;
 }
 
 std::string WithoutControls(std::string text) {

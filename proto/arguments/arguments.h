@@ -3,6 +3,7 @@
 #ifndef LITAGS_PROTO_ARGUMENTS_ARGUMENTS_H_
 #define LITAGS_PROTO_ARGUMENTS_ARGUMENTS_H_
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <type_traits>
@@ -21,6 +22,9 @@ std::optional<int> ParseArguments(CLI::App& app, int argc, char** argv);
 // For the end of main(): `exit`, or `lost` where `exit` is 0 but not all of stdout could be
 // written, as on a full disk, which it says on stderr.
 int FlushOutput(int exit, int lost = 1);
+
+// For main(): what `run` returns, or 1 after an exception, of which a line on stderr tells.
+int RunProgram(const std::string& name, const std::function<int()>& run);
 
 // With '?' in place of what steers a terminal, as names of files may hold it; lines stay lines.
 std::string WithoutControls(std::string text);

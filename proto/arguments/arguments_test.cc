@@ -4,8 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <functional>
+#include <new>
+#include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "absl/strings/str_cat.h"
 
 namespace litags {
 namespace {
@@ -139,6 +144,18 @@ TEST_F(ArgumentsTest, CharactersThatSteerTheTerminalAreNotShown) {
   EXPECT_THAT(Said({"a\x1b[2J\xC2\x9B"
                     "b\xC3\xA4"}),
               HasSubstr("a?[2J?b\xC3\xA4"));
+}
+
+TEST(RunProgram, SaysWhatWasThrownAndFails) {
+  const auto said = [](const std::function<int()>& run) {
+    testing::internal::CaptureStderr();
+    const int exit = RunProgram("litags-test", run);
+    return absl::StrCat(testing::internal::GetCapturedStderr(), exit);
+  };
+  EXPECT_EQ(said([] { return 7; }), "7");
+  EXPECT_EQ(said([]() -> int { throw std::runtime_error("no\x1b"); }), "litags-test: no?\n1");
+  EXPECT_EQ(said([]() -> int { throw std::bad_alloc(); }), "litags-test: out of memory\n1");
+  EXPECT_EQ(said([]() -> int { throw 7; }), "litags-test: an exception of unknown kind\n1");
 }
 
 TEST_F(ArgumentsTest, HelpGoesToStdoutWithTheRanges) {

@@ -55,6 +55,8 @@ void AddOptions(const JobCaps& caps, v1::ServerInfo* info) {
                   proto->set_minimum(rule.least);
                 }
                 if (rule.most < std::numeric_limits<double>::max()) proto->set_maximum(rule.most);
+                proto->set_minimum_excluded(rule.above_least);
+                proto->set_maximum_excluded(rule.below_most);
                 if (proto->name() == "iterations") ApplyCap(caps.max_iterations, proto);
                 if (proto->name() == "max_gaussians") ApplyCap(caps.max_gaussians, proto);
                 if (rule.zero != nullptr) proto->set_zero_means(rule.zero);

@@ -48,6 +48,18 @@ absl::Status ArchiveSurvey::Write(std::string_view bytes) {
   return absl::OkStatus();
 }
 
+void SkippedNames::Insert(size_t index, std::string name) {
+  ++total_;
+  if (index >= kMostNames) return;
+  names_.insert(names_.begin() + static_cast<ptrdiff_t>(index), std::move(name));
+  if (names_.size() > kMostNames) names_.pop_back();
+}
+
+void SkippedNames::Add(const SkippedNames& of_archive) {
+  for (const std::string& name : of_archive.names_) Add(name);
+  total_ += of_archive.total_ - static_cast<int>(of_archive.names_.size());
+}
+
 Unpacker::Unpacker(Jobs* jobs, FileReader* reader, std::string job_id, std::string field,
                    DatasetLayout layout, CancelToken cancel)
     : jobs_(jobs),
@@ -57,9 +69,7 @@ Unpacker::Unpacker(Jobs* jobs, FileReader* reader, std::string job_id, std::stri
       layout_(std::move(layout)),
       cancel_(std::move(cancel)),
       staging_path_(absl::StrCat(jobs->data().tmp(), "/unpack-", RandomHex(8))) {
-  for (const std::string& note : layout_.Notes()) {
-    if (skipped_.size() < kMaxSkipped) skipped_.push_back(ShownName(note));
-  }
+  for (const std::string& note : layout_.Notes()) skipped_.Add(ShownName(note));
 }
 
 Unpacker::~Unpacker() { unlink(staging_path_.c_str()); }
@@ -69,7 +79,7 @@ absl::StatusOr<bool> Unpacker::Begin(const ArchiveEntry& entry) {
   const DatasetFile file = FileOf(entry, role);
   if (!layout_.Uses(file)) return false;  // a note tells
   if (!role) {
-    if (skipped_.size() < kMaxSkipped) skipped_.push_back(PathIn(entry));
+    skipped_.Add(PathIn(entry));
     return false;
   }
   const std::string name = layout_.NameOf(file);
@@ -108,10 +118,7 @@ absl::Status Unpacker::Write(std::string_view bytes) {
 }
 
 void Unpacker::NoteLeftOut(const std::string& path, std::string_view why) {
-  if (left_out_ == kMaxSkipped) return;
-  skipped_.insert(skipped_.begin() + static_cast<ptrdiff_t>(left_out_++),
-                  absl::StrCat(path, " (", Utf8Prefix(why, 300), ")"));
-  if (skipped_.size() > kMaxSkipped) skipped_.pop_back();
+  skipped_.AddFirst(absl::StrCat(path, " (", Utf8Prefix(why, 300), ")"));
 }
 
 absl::Status Unpacker::LeaveOut(const absl::Status& status, const std::string& path) {

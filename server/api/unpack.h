@@ -31,13 +31,32 @@ class ArchiveSurvey : public ArchiveSink {
   std::vector<DatasetFile> files_;
 };
 
+// What of archives is not used. All are counted, the first hundred are named.
+class SkippedNames {
+ public:
+  void Add(std::string name) { Insert(names_.size(), std::move(name)); }
+  // Before those that Add() got.
+  void AddFirst(std::string name) { Insert(first_++, std::move(name)); }
+  void Add(const SkippedNames& of_archive);
+
+  const std::vector<std::string>& names() const { return names_; }
+  int total() const { return total_; }
+
+ private:
+  static constexpr size_t kMostNames = 100;
+
+  void Insert(size_t index, std::string name);
+
+  std::vector<std::string> names_;
+  size_t first_ = 0;  // names of AddFirst()
+  int total_ = 0;
+};
+
 // Stores the files of an uploaded archive in a job, each checked as if it had come by itself;
 // photos that cannot be read are left out, and their masks. What a file is for follows from its
 // name and folder. One at a time is on disk beside the archive.
 class Unpacker : public ArchiveSink {
  public:
-  static constexpr size_t kMaxSkipped = 100;  // names, of a stream
-
   // `layout`: which of the archive's files are used.
   Unpacker(Jobs* jobs, FileReader* reader, std::string job_id, std::string field,
            DatasetLayout layout, CancelToken cancel);
@@ -54,8 +73,8 @@ class Unpacker : public ArchiveSink {
   int stored() const { return stored_; }
   int unchanged() const { return unchanged_; }
   // Photos that cannot be read, with the reason, and their masks; copies and cameras that the
-  // layout leaves out; then files that no job has a use for; the first hundred.
-  const std::vector<std::string>& skipped() const { return skipped_; }
+  // layout leaves out; then files that no job has a use for.
+  const SkippedNames& skipped() const { return skipped_; }
 
  private:
   absl::Status NoRoom() const;
@@ -79,8 +98,7 @@ class Unpacker : public ArchiveSink {
   std::map<std::pair<FileRole, std::string>, std::string> seen_;
   int stored_ = 0, unchanged_ = 0;
   std::vector<std::string> unreadable_;  // names of photos that were left out
-  size_t left_out_ = 0;                  // at the start of skipped_
-  std::vector<std::string> skipped_;
+  SkippedNames skipped_;
 };
 
 }  // namespace litags

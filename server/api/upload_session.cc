@@ -232,9 +232,7 @@ absl::StatusOr<bool> UploadSession::ReadNext() {
 void UploadSession::Count(const Unpacker& unpacker) {
   stored_ += unpacker.stored();
   unchanged_ += unpacker.unchanged();
-  for (const std::string& name : unpacker.skipped()) {
-    if (skipped_.size() < Unpacker::kMaxSkipped) skipped_.push_back(name);
-  }
+  skipped_.Add(unpacker.skipped());
 }
 
 absl::Status UploadSession::UnpackNext() {
@@ -288,7 +286,8 @@ absl::Status UploadSession::End(v1::UploadImagesResponse* response) {
   response->set_files_stored(stored_);
   response->set_files_unchanged(unchanged_);
   response->set_files_received(received_);
-  for (const std::string& name : skipped_) response->add_skipped(name);
+  for (const std::string& name : skipped_.names()) response->add_skipped(name);
+  response->set_skipped_total(skipped_.total());
   return absl::OkStatus();
 }
 

@@ -88,7 +88,7 @@ class UploadSession {
   std::unique_ptr<Unpacking> unpacking_;
   double reading_seconds_ = 0;
   int stored_ = 0, unchanged_ = 0;
-  std::vector<std::string> skipped_;  // in archives
+  SkippedNames skipped_;
 };
 
 }  // namespace litags

@@ -439,6 +439,9 @@ TEST_F(ManageApi, AServerSaysWhatItAllows) {
     options[option.name()] = option;
   }
   EXPECT_EQ(options["sh_degree"].maximum(), 3);
+  EXPECT_FALSE(options["sh_degree"].maximum_excluded());
+  EXPECT_EQ(options["min_registered"].minimum(), 0);
+  EXPECT_TRUE(options["min_registered"].minimum_excluded());
   EXPECT_EQ(options["method"].choices_size(), 3);
   EXPECT_NE(options["threads"].zero_means(), "");
   EXPECT_EQ(info.job_limits().min_photos(), 3);

@@ -1,6 +1,6 @@
 """proto/litags/v1 keeps buf's rules, and what was frozen as v1.
 
-    python3 tests/proto/buf_test.py --freeze    writes v1.binpb anew: only for additions
+    python3 tests/proto/buf_test.py --freeze    adds to v1.binpb what was added to the protos
 
 Run by CTest with LITAGS_SOURCE and LITAGS_NPM_FOLDER in the environment. buf comes from npm, by the
 lock file beside this one; without npm or a registry the test is skipped.
@@ -63,6 +63,8 @@ class Protos(unittest.TestCase):
 if __name__ == "__main__":
     npm_packages.install_or_skip(HERE, WORK)
     if sys.argv[1:] == ["--freeze"]:
+        if (broken := breaking(SOURCE / "proto")).returncode != 0:
+            sys.exit(broken.stdout + broken.stderr + "v1.binpb stays as it is")
         print(buf("build", SOURCE / "proto", "--exclude-source-info", "-o", FROZEN).stderr)
     else:
         unittest.main(verbosity=2)

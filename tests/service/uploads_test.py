@@ -270,6 +270,11 @@ class Archives(harness.ServiceTest):
                           "night/README.txt", err)
         self.wait_for(lambda: not os.listdir(os.path.join(self.server.data, "tmp")), "an empty tmp")
 
+    def test_of_very_many_files_that_are_not_used_the_number_is_told(self):
+        notes = [(f"night/{i}.txt", b"by hand") for i in range(150)]
+        _, err = self.litags("submit", self.zip(self.capture()[:3] + notes), "--iterations", "10")
+        self.assertIn("night/4.txt and 145 more", err)
+
     def test_of_a_dataset_one_size_of_photos_and_one_model_are_used(self):
         photos = [(f"room/{folder}/{name}.png", harness.png(width, height, seed=seed))
                   for folder, width, height in (("images", 64, 48), ("images_2", 32, 24))

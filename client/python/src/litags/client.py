@@ -317,17 +317,19 @@ class Client:
                     reached += len(message.chunk)
 
             try:
-                for note in self._send(counted()):
+                stored = self._send(counted())
+                for note in stored.skipped:
                     _log.warning("not used, of what is in the archive: %s", note)
+                if (unnamed := stored.skipped_total - len(stored.skipped)) > 0:
+                    _log.warning("not used, of what is in the archive: %d more", unnamed)
             except grpc.RpcError:
                 patience.came_to(reached)  # bytes arrived, though the stream broke
                 raise
 
         self._persistently(send)
 
-    def _send(self, messages: Iterator[rpc.UploadImagesRequest]) -> Iterable[str]:
-        """Returns what is not used of archives. Raises what the messages raise: gRPC would say
-        only that it could not iterate."""
+    def _send(self, messages: Iterator[rpc.UploadImagesRequest]) -> rpc.UploadImagesResponse:
+        """Raises what the messages raise: gRPC would say only that it could not iterate."""
         unreadable: list[Exception] = []
 
         def readable() -> Iterator[rpc.UploadImagesRequest]:
@@ -347,7 +349,7 @@ class Client:
             upload.cancel()  # where the wait was interrupted
         if unreadable:
             raise unreadable[0]
-        return response.skipped
+        return response
 
     def _call(self, method: Callable[..., Result], request: object) -> Result:
         return self._persistently(lambda _: method(request, metadata=self.metadata))

@@ -100,7 +100,10 @@ function put(job: string, chosen: Chosen, digest: string, offset: number,
     request.upload.onprogress = (event) => sent(offset + event.loaded);
     request.onload = () => {
       if (request.status >= 300) return no(refusal(request.status, request.responseText));
-      chosen.skipped = (JSON.parse(request.responseText) as {skipped?: string[]}).skipped ?? [];
+      const stored = JSON.parse(request.responseText) as {skipped?: string[]; skippedTotal?: number};
+      chosen.skipped = stored.skipped ?? [];
+      const unnamed = (stored.skippedTotal ?? 0) - chosen.skipped.length;
+      if (unnamed > 0) chosen.skipped.push(`and ${unnamed} more`);
       ok();
     };
     request.onerror = () => no(new ApiError(0, "the connection broke"));
