@@ -11,6 +11,7 @@
 #include "engine/pipeline/camera_source.h"
 #include "engine/pipeline/context.h"
 #include "engine/pipeline/depth_maps.h"
+#include "engine/pipeline/exception_status.h"
 #include "engine/pipeline/scene_file.h"
 #include "engine/pipeline/train_set.h"
 #include "engine/pipeline/training_run.h"
@@ -55,6 +56,18 @@ class RealEngine : public Engine {
                                                 const ReconstructOptions& options,
                                                 const CancelToken& cancel,
                                                 ReconstructObserver* observer) override {
+    return WithoutExceptions([&] { return Run(given, options, cancel, observer); });
+  }
+
+  absl::StatusOr<std::shared_ptr<const Scene>> LoadScene(const std::string& path) override {
+    return WithoutExceptions([&] { return LoadSceneFile(path); });
+  }
+
+ private:
+  absl::StatusOr<ReconstructReport> Run(const ReconstructInput& given,
+                                        const ReconstructOptions& options,
+                                        const CancelToken& cancel,
+                                        ReconstructObserver* observer) const {
     LITAGS_RETURN_IF_ERROR(options.Validate());
     SilentObserver silent;
     if (observer == nullptr) observer = &silent;
@@ -95,11 +108,6 @@ class RealEngine : public Engine {
     return report;
   }
 
-  absl::StatusOr<std::shared_ptr<const Scene>> LoadScene(const std::string& path) override {
-    return LoadSceneFile(path);
-  }
-
- private:
   std::string colmap_;
 };
 

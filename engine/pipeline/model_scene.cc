@@ -9,6 +9,7 @@
 #include "engine/export/formats.h"
 #include "engine/io/file_util.h"
 #include "engine/io/ply.h"
+#include "engine/pipeline/exception_status.h"
 #include "engine/pipeline/export_scene.h"
 #include "engine/pipeline/light_power.h"
 #include "engine/pipeline/render_rules.h"
@@ -63,6 +64,24 @@ class ModelScene : public Scene {
   double radius() const override { return frame_.radius; }
 
   absl::StatusOr<Planes> Render(const RenderRequest& request) const override {
+    return WithoutExceptions([&] { return Picture(request); });
+  }
+
+  absl::StatusOr<int64_t> Export(const std::string& path,
+                                 const ExportRequest& request) const override {
+    return WithoutExceptions([&] { return Write(path, request); });
+  }
+
+  absl::Status ExportFullPly(const std::string& path) const override {
+    return WithoutExceptions([&] { return WriteFullPly(path); });
+  }
+
+  absl::Status Save(const std::string& path) const override {
+    return WithoutExceptions([&] { return SaveScene(path, model_, local_views_); });
+  }
+
+ private:
+  absl::StatusOr<Planes> Picture(const RenderRequest& request) const {
     LITAGS_RETURN_IF_ERROR(request.camera.Validate("camera"));
     LITAGS_RETURN_IF_ERROR(CheckLight(request.light, "light"));
     LITAGS_RETURN_IF_ERROR(CheckExposure(request.exposure_stops, "exposure_stops"));
@@ -115,13 +134,12 @@ class ModelScene : public Scene {
     return planes;
   }
 
-  absl::StatusOr<int64_t> Export(const std::string& path,
-                                 const ExportRequest& request) const override {
+  absl::StatusOr<int64_t> Write(const std::string& path, const ExportRequest& request) const {
     LITAGS_RETURN_IF_ERROR(CheckExport(request));
     if (!model_.lita && request.light == 1) {  // that of the photos is its only one
       ExportRequest only = request;
       only.light = 0;
-      return Export(path, only);
+      return Write(path, only);
     }
     if (request.light != 0 && !model_.lita) {
       return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "light",
@@ -146,7 +164,7 @@ class ModelScene : public Scene {
     return static_cast<int64_t>(scene.splats.size());
   }
 
-  absl::Status ExportFullPly(const std::string& path) const override {
+  absl::Status WriteFullPly(const std::string& path) const {
     if (!model_.lita) {
       return MakeError(absl::StatusCode::kFailedPrecondition, "CHANNEL_UNAVAILABLE", "format",
                        "format: this scene was trained with plain 3dgs and has no LITA attributes; "
@@ -155,11 +173,6 @@ class ModelScene : public Scene {
     return WritePly(path, model_.splats, /*lita_attributes=*/true, model_.origin);
   }
 
-  absl::Status Save(const std::string& path) const override {
-    return SaveScene(path, model_, local_views_);
-  }
-
- private:
   Planes Color(ModelRenderer* renderer, const RenderRequest& request, const Camera& camera) const {
     const double light = request.channel == Channel::kOriginal ? 1
                          : request.channel == Channel::kLight  ? request.light

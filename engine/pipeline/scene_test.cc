@@ -1,12 +1,17 @@
 #include "engine/pipeline/model_scene.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <utility>
 
 #include "engine/core/color.h"
 #include "engine/core/error_test_util.h"
+#include "engine/core/peak_memory_test_util.h"
+#include "engine/core/sandbox.h"
 #include "engine/core/temp_dir_test_util.h"
 #include "engine/io/ply.h"
 #include "engine/io/test_util.h"
@@ -146,6 +151,26 @@ TEST(Scene, CancelledPicturesStop) {
   EXPECT_TRUE(scene->Render(request).ok());
   request.cancel.Cancel();
   EXPECT_EQ(scene->Render(request).status().code(), absl::StatusCode::kCancelled);
+}
+
+TEST(Scene, APictureThatFindsNoMemoryIsAnError) {
+  if (kBuiltWithSanitizer) GTEST_SKIP() << "a sanitizer needs more address space";
+  const auto scene = MakeScene(SmallModel(), RingViews(3));
+  RenderRequest request;
+  request.threads = 1;
+  request.camera = RingViews(3)[0].camera;
+  request.camera.width = request.camera.height = 8000;  // 730 MiB
+  const pid_t child = fork();
+  if (child == 0) {
+    rlimit limit;
+    limit.rlim_cur = limit.rlim_max = OfThisProcess("VmSize") + (int64_t{256} << 20);
+    if (setrlimit(RLIMIT_AS, &limit) != 0) _exit(2);
+    _exit(Reason(scene->Render(request).status()) == "MEMORY_EXCEEDED" ? 0 : 1);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 0);
 }
 
 TEST(Scene, BadRequestsAreRefused) {

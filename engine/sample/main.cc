@@ -71,10 +71,5 @@ int Run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    return Run(argc, argv);
-  } catch (const std::exception& e) {
-    std::cerr << "litags-sample: " << e.what() << "\n";
-    return 1;
-  }
+  return litags::RunProgram("litags-sample", [&] { return Run(argc, argv); });
 }

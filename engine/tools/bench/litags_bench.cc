@@ -6,7 +6,9 @@
 #include "engine/tools/bench/machine.h"
 #include "proto/arguments/arguments.h"
 
-int main(int argc, char** argv) {
+namespace {
+
+int Run(int argc, char** argv) {
   CLI::App app("Measures the litags engine.", "litags-bench");
   app.set_version_flag("--version", LITAGS_VERSION);
   app.require_subcommand(1);
@@ -34,4 +36,10 @@ int main(int argc, char** argv) {
   litags::AddShadowsCommand(&app, &exit_status);
   if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;
   return litags::FlushOutput(exit_status);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return litags::RunProgram("litags-bench", [&] { return Run(argc, argv); });
 }

@@ -1,6 +1,5 @@
 // litags-sheet: rows of pictures with labels in one PNG.
 #include <CLI/CLI.hpp>
-#include <iostream>
 #include <string>
 #include <vector>
 
@@ -43,10 +42,5 @@ int Run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  try {
-    return Run(argc, argv);
-  } catch (const std::exception& e) {
-    std::cerr << "litags-sheet: " << e.what() << "\n";
-    return 1;
-  }
+  return litags::RunProgram("litags-sheet", [&] { return Run(argc, argv); });
 }

@@ -7,7 +7,9 @@
 #include "engine/tools/film/film.h"
 #include "proto/arguments/arguments.h"
 
-int main(int argc, char** argv) {
+namespace {
+
+int Run(int argc, char** argv) {
   std::string path;
   int frames_per_second = 0, descriptor = -1;
   CLI::App app(
@@ -31,4 +33,10 @@ int main(int argc, char** argv) {
                std::string(status.message()).c_str(), detail.field.c_str(),
                absl::StatusCodeToString(status.code()).c_str(), detail.reason.c_str());
   return 2;  // as litags: what it was given is wrong
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return litags::RunProgram("litags-film", [&] { return Run(argc, argv); });
 }

@@ -86,5 +86,5 @@ int Main(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   if (const auto exit = litags::MaybePickFrames(argc, argv)) return *exit;
-  return litags::Main(argc, argv);
+  return litags::RunProgram("litags inspect", [&] { return litags::Main(argc, argv); });
 }

@@ -378,5 +378,5 @@ int Main(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   if (const auto exit = litags::MaybePickFrames(argc, argv)) return *exit;
-  return litags::Main(argc, argv);
+  return litags::RunProgram("litags-train", [&] { return litags::Main(argc, argv); });
 }
