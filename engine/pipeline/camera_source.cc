@@ -307,6 +307,12 @@ absl::StatusOr<SparseModel> TriangulateGiven(const Solver& solver, SparseModel m
   return std::move(result.model);
 }
 
+// Whether the photos and their cameras are why no point was triangulated.
+bool HasNothingToTriangulate(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  return detail && (detail->reason == "SFM_NO_POINTS" || detail->reason == "SFM_NO_PARALLAX");
+}
+
 absl::StatusOr<SparseModel> TakeGivenCameras(const Solver& solver,
                                              const std::vector<std::string>& photos) {
   ReconstructReport* const report = solver.context.report;
@@ -317,8 +323,12 @@ absl::StatusOr<SparseModel> TakeGivenCameras(const Solver& solver,
                                                        kEnoughPointsPerView * model.views.size());
   if (!has_tracks) {
     absl::StatusOr<SparseModel> triangulated = TriangulateGiven(solver, model);
-    has_tracks = tracked > 0 && absl::IsFailedPrecondition(triangulated.status());  // some at least
-    if (!has_tracks) {
+    has_tracks = tracked > 0 && HasNothingToTriangulate(triangulated.status());  // some at least
+    if (has_tracks) {
+      report->notes.push_back(absl::StrCat(
+          "few of the ", model.points.size(), " points that came with the cameras say that two of ",
+          "these photos saw them, and no others could be triangulated: these are used"));
+    } else {
       LITAGS_RETURN_IF_ERROR(triangulated.status());
       model = *std::move(triangulated);
     }

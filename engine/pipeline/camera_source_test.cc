@@ -386,14 +386,25 @@ TEST_F(CameraSource, PointsAreTriangulatedWhereTheModelHasFewOfThePhotosSent) {
   input_.cameras_path = colmap_.dir() + "/sparse";
   fs::create_directory(input_.cameras_path);
   ASSERT_TRUE(WriteColmapModel(input_.cameras_path, ModelOfMorePhotos(Known(0.1), 59)).ok());
-  const auto given = ObtainKept();  // without COLMAP the 59 must do
-  ASSERT_TRUE(given.ok()) << given.status();
-  EXPECT_THAT(given->points, SizeIs(59));
-  fs::remove_all(input_.work_dir + "/cameras");
+  // A missing COLMAP says nothing about the photos.
+  EXPECT_EQ(Reason(ObtainKept().status()), "COLMAP_NOT_FOUND");
+  EXPECT_FALSE(fs::exists(RegistrationPath()));
   const auto found = Obtain();
   ASSERT_TRUE(found.ok()) << found.status();
   EXPECT_THAT(found->points, SizeIs(kFeatures));
   EXPECT_THAT(report_.notes, Contains(HasSubstr("few of the 119 points")));
+}
+
+TEST_F(CameraSource, TheFewPointsOfAModelAreUsedWhereNoOthersCanBeTriangulated) {
+  SparseModel tripod = ModelOfMorePhotos(Known(0.1), 59);
+  for (View& view : tripod.views) view.camera.t = {0, 0, 0};
+  input_.cameras_path = colmap_.dir() + "/sparse";
+  fs::create_directory(input_.cameras_path);
+  ASSERT_TRUE(WriteColmapModel(input_.cameras_path, tripod).ok());
+  const auto found = Obtain();
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_THAT(found->points, SizeIs(59));
+  EXPECT_THAT(report_.notes, Contains(HasSubstr("no others could be triangulated")));
 }
 
 TEST_F(CameraSource, GivenCamerasAreSortedByTheirPhotos) {
