@@ -134,13 +134,14 @@ absl::Status ContainerWriter::Commit(const std::string& path) const {
 }
 
 absl::StatusOr<Container> Container::Read(const std::string& path, std::string_view kind,
-                                          uint32_t newest_version, int64_t max_bytes) {
+                                          uint32_t oldest, uint32_t newest, int64_t max_bytes) {
   LITAGS_ASSIGN_OR_RETURN(std::string bytes, ReadFile(path, path, max_bytes));
-  return Parse(std::move(bytes), path, kind, newest_version);
+  return Parse(std::move(bytes), path, kind, oldest, newest);
 }
 
 absl::StatusOr<Container> Container::Parse(std::string bytes, std::string_view name,
-                                           std::string_view kind, uint32_t newest_version) {
+                                           std::string_view kind, uint32_t oldest,
+                                           uint32_t newest) {
   Container container;
   container.name_ = std::string(name);
   container.bytes_ = std::move(bytes);
@@ -158,11 +159,16 @@ absl::StatusOr<Container> Container::Parse(std::string bytes, std::string_view n
         "WRONG_CONTAINER_KIND", name,
         absl::StrCat("this is a litags '", Absl(file_kind), "' file, not a '", Absl(kind), "'"));
   }
-  if (container.version_ > newest_version) {
+  if (container.version_ > newest) {
+    return FieldError(absl::StatusCode::kFailedPrecondition, "CONTAINER_TOO_NEW", name,
+                      absl::StrCat(Absl(kind), " version ", container.version_, " is newer than ",
+                                   newest, ", the newest this program knows; update litags"));
+  }
+  if (container.version_ < oldest) {
     return FieldError(
-        absl::StatusCode::kFailedPrecondition, "CONTAINER_TOO_NEW", name,
-        absl::StrCat(Absl(kind), " version ", container.version_, " is newer than ", newest_version,
-                     ", the newest this program knows; update litags"));
+        absl::StatusCode::kFailedPrecondition, "CONTAINER_TOO_OLD", name,
+        absl::StrCat(Absl(kind), " version ", container.version_, " is older than ", oldest,
+                     ", the oldest this program knows; delete the file and make it again"));
   }
 
   uint32_t count = 0;

@@ -49,15 +49,15 @@ class ContainerWriter {
 // A file read back whole, every checksum verified.
 class Container {
  public:
-  // Reads a file of this `kind` whose version is at most `newest_version`. NOT_FOUND if missing.
+  // Reads a file of this `kind` whose version is `oldest` to `newest`. NOT_FOUND if missing.
   // INVALID_ARGUMENT: NOT_A_CONTAINER (foreign file), WRONG_CONTAINER_KIND. FAILED_PRECONDITION:
-  // CONTAINER_TOO_NEW. DATA_LOSS: CONTAINER_TRUNCATED, CONTAINER_CORRUPT.
+  // CONTAINER_TOO_OLD, CONTAINER_TOO_NEW. DATA_LOSS: CONTAINER_TRUNCATED, CONTAINER_CORRUPT.
   static absl::StatusOr<Container> Read(const std::string& path, std::string_view kind,
-                                        uint32_t newest_version,
+                                        uint32_t oldest, uint32_t newest,
                                         int64_t max_bytes = int64_t{8} << 30);
   // The same from memory; `name` stands in messages where the path would.
   static absl::StatusOr<Container> Parse(std::string bytes, std::string_view name,
-                                         std::string_view kind, uint32_t newest_version);
+                                         std::string_view kind, uint32_t oldest, uint32_t newest);
 
   uint32_t version() const { return version_; }
   bool Has(std::string_view name) const;

@@ -27,8 +27,9 @@ std::string Sample(uint32_t version = 3) {
   return ReadFile(dir / "c", "c", 1 << 20).value();
 }
 
-absl::Status ParseStatus(std::string bytes, std::string_view kind = kKind, uint32_t newest = 3) {
-  return Container::Parse(std::move(bytes), "c", kind, newest).status();
+absl::Status ParseStatus(std::string bytes, std::string_view kind = kKind, uint32_t oldest = 1,
+                         uint32_t newest = 3) {
+  return Container::Parse(std::move(bytes), "c", kind, oldest, newest).status();
 }
 
 TEST(Container, GivesBackWhatWasWritten) {
@@ -41,7 +42,7 @@ TEST(Container, GivesBackWhatWasWritten) {
   writer.AddArrayView("doubles", doubles);
   ASSERT_TRUE(writer.Commit(dir / "c").ok());
 
-  const absl::StatusOr<Container> read = Container::Read(dir / "c", "checkpoint", 5);
+  const absl::StatusOr<Container> read = Container::Read(dir / "c", "checkpoint", 1, 5);
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(read->version(), 2u);
   EXPECT_THAT(read->SectionNames(), testing::ElementsAre("big", "doubles"));
@@ -52,7 +53,7 @@ TEST(Container, GivesBackWhatWasWritten) {
 }
 
 TEST(Container, SurvivesMovingWithItsSections) {
-  Container first = Container::Parse(Sample(), "c", kKind, 3).value();
+  Container first = Container::Parse(Sample(), "c", kKind, 1, 3).value();
   const Container second = std::move(first);
   EXPECT_EQ(second.Section("text").value(), "hello");
   EXPECT_EQ(second.Array<float>("numbers").value(), std::vector<float>({1.5f, -2.0f, 3.25f}));
@@ -62,7 +63,7 @@ TEST(Container, SurvivesMovingWithItsSections) {
 TEST(Container, WritesTheSameBytesTwice) { EXPECT_EQ(Sample(), Sample()); }
 
 TEST(Container, NamesAMissingOrOddSection) {
-  const Container c = Container::Parse(Sample(), "c", kKind, 3).value();
+  const Container c = Container::Parse(Sample(), "c", kKind, 1, 3).value();
   EXPECT_EQ(Reason(c.Section("nothing").status()), "SECTION_MISSING");
   EXPECT_EQ(c.Section("nothing").status().code(), absl::StatusCode::kDataLoss);
   EXPECT_EQ(Reason(c.Array<float>("text").status()), "SECTION_SIZE");
@@ -103,13 +104,20 @@ TEST(Container, RefusesForeignFilesAndKinds) {
   const absl::Status kind = ParseStatus(Sample(), "checkpoint");
   EXPECT_EQ(Reason(kind), "WRONG_CONTAINER_KIND");
   EXPECT_EQ(kind.code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(Container::Read("/nonexistent/c", kKind, 1).status().code(),
+  EXPECT_EQ(Container::Read("/nonexistent/c", kKind, 1, 1).status().code(),
             absl::StatusCode::kNotFound);
 }
 
+TEST(Container, RefusesOlderVersions) {
+  EXPECT_TRUE(ParseStatus(Sample(2), kKind, 2, 3).ok());
+  const absl::Status content = ParseStatus(Sample(1), kKind, 2, 3);
+  EXPECT_EQ(Reason(content), "CONTAINER_TOO_OLD");
+  EXPECT_EQ(content.code(), absl::StatusCode::kFailedPrecondition);
+}
+
 TEST(Container, RefusesNewerVersions) {
-  EXPECT_TRUE(ParseStatus(Sample(3), kKind, 3).ok());
-  const absl::Status content = ParseStatus(Sample(4), kKind, 3);
+  EXPECT_TRUE(ParseStatus(Sample(3), kKind, 1, 3).ok());
+  const absl::Status content = ParseStatus(Sample(4), kKind, 1, 3);
   EXPECT_EQ(Reason(content), "CONTAINER_TOO_NEW");
   EXPECT_EQ(content.code(), absl::StatusCode::kFailedPrecondition);
   std::string bytes = Sample();

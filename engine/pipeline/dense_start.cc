@@ -73,10 +73,10 @@ absl::Status Keep(const std::string& path, const std::string& key,
   return writer.Commit(path);
 }
 
-// The kept points; nothing if there are none, or they are damaged or of something else: they can
-// always be made again.
+// The kept points; nothing if there are none, or they are damaged, of something else or of another
+// version: they can always be made again.
 std::optional<std::vector<SparsePoint>> Kept(const std::string& path, const std::string& key) {
-  const auto file = Container::Read(path, kKind, kVersion);
+  const auto file = Container::Read(path, kKind, kVersion, kVersion);
   if (!file.ok()) return std::nullopt;
   const auto kept_key = file->Section("key");
   const auto xyz = file->Array<double>("xyz");

@@ -11,6 +11,7 @@
 
 #include "engine/core/mask.h"
 #include "engine/io/container.h"
+#include "engine/io/container_test_util.h"
 #include "engine/io/test_util.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
@@ -142,6 +143,10 @@ TEST(DenseStart, PointsAreMadeOnceAndKept) {
   ASSERT_TRUE(WriteFileAtomically(Start(input), kept.substr(0, kept.size() / 2)).ok());
   ASSERT_TRUE(Reconstruct(input, options).ok());
   EXPECT_TRUE(Bytes(Start(input)) == kept);
+  // Of an older version, too.
+  RewriteAsVersion(Start(input), "start points", 0);
+  ASSERT_TRUE(Reconstruct(input, options).ok());
+  EXPECT_TRUE(Bytes(Start(input)) == kept);
   // Of other photos, cameras, points or another limit: others.
   options.max_gaussians = 150 * 16 + 160;
   const auto fewer = Reconstruct(photos.Input("fewer"), options);
@@ -182,7 +187,7 @@ TEST(DenseStart, TwoThreadsGiveTheSameScene) {
 
 // Mean distance of the points of stereo from the origin, where the cloud is.
 double MeanDistance(const ReconstructInput& input) {
-  const auto file = Container::Read(Start(input), "start points", 1);
+  const auto file = Container::Read(Start(input), "start points", 1, 1);
   EXPECT_TRUE(file.ok()) << file.status();
   const std::vector<double> xyz = file->Array<double>("xyz").value();
   EXPECT_GT(xyz.size(), 300u);
@@ -219,7 +224,7 @@ TEST(DenseStart, WithoutItAndWithPlain3dgsOnlyTheSparsePointsStart) {
 
 // Share of the scene's Gaussians that are less than a fifth as thick as wide.
 double ShareOfDisks(const ReconstructInput& input) {
-  const auto file = Container::Read(input.work_dir + "/scene.litags", "scene", 1 << 20);
+  const auto file = Container::Read(input.work_dir + "/scene.litags", "scene", 1, 1 << 20);
   EXPECT_TRUE(file.ok()) << file.status();
   const std::vector<float> data = file->Array<float>("splats").value();
   Splats splats(data.size() / Splats::kBlockFloats * kSplatBlock);  // with what fills up blocks

@@ -111,10 +111,10 @@ bool ToPlane(std::vector<float> values, int width, int height, bool may_be_empty
   return true;
 }
 
-// The kept maps of `views` photos; nothing if there are none, or they are damaged or of something
-// else: they can always be made again.
+// The kept maps of `views` photos; nothing if there are none, or they are damaged, of something
+// else or of another version: they can always be made again.
 std::optional<DepthMaps> Kept(const std::string& path, const std::string& key, size_t views) {
-  const auto file = Container::Read(path, kKind, kVersion);
+  const auto file = Container::Read(path, kKind, kVersion, kVersion);
   if (!file.ok()) return std::nullopt;
   const auto kept_key = file->Section("key");
   const auto sizes = file->Array<int32_t>("sizes");

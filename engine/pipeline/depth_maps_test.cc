@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/core/error_test_util.h"
+#include "engine/io/container_test_util.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/exif_test_util.h"
 #include "engine/io/file_util.h"
@@ -47,6 +48,17 @@ TEST(DepthMaps, StereoIsMadeOnceAndKept) {
   ASSERT_TRUE(Reconstruct(again, options).ok());
   EXPECT_TRUE(Bytes(Maps(again)) == kept) << "the same photos must give the same maps";
   EXPECT_TRUE(SceneBytes(again) == SceneBytes(input));
+}
+
+TEST(DepthMaps, KeptMapsOfAnOlderVersionAreMadeAgain) {
+  const Photographs photos;
+  const ReconstructInput input = photos.Input("work");
+  const ReconstructOptions options = WithSource(DepthOrigin::kStereo);
+  ASSERT_TRUE(Reconstruct(input, options).ok());
+  const std::string kept = Bytes(Maps(input));
+  RewriteAsVersion(Maps(input), "depth maps", 1);
+  ASSERT_TRUE(Reconstruct(input, options).ok());
+  EXPECT_TRUE(Bytes(Maps(input)) == kept);
 }
 
 TEST(DepthMaps, DamagedOrForeignKeptMapsAreMadeAgain) {

@@ -23,7 +23,7 @@ constexpr char kKind[] = "scene";
 // 1: before pixel filters, all of them as 3DGS has it. 3: has an origin that is not 0. 4: has a
 // near plane that is not 3DGS's. Each is written only then, so that older programs read what they
 // can draw.
-constexpr uint32_t kVersion = 4, kWithoutNearPlane = 3, kWithoutOrigin = 2;
+constexpr uint32_t kVersion = 4, kWithoutNearPlane = 3, kWithoutOrigin = 2, kOldestVersion = 1;
 
 Json ViewToJson(const View& view) {
   const Camera& c = view.camera;
@@ -240,7 +240,8 @@ absl::Status SaveScene(const std::string& path, const Model& model,
 }
 
 absl::StatusOr<std::shared_ptr<const Scene>> LoadSceneFile(const std::string& path) {
-  LITAGS_ASSIGN_OR_RETURN(const Container file, Container::Read(path, kKind, kVersion));
+  LITAGS_ASSIGN_OR_RETURN(const Container file,
+                          Container::Read(path, kKind, kOldestVersion, kVersion));
   Model model;
   std::vector<View> views;
   size_t nets = 0;

@@ -128,7 +128,7 @@ TEST(SceneFile, AnOriginComesBack) {
   }
   // Programs before origins draw what has none.
   const auto version = [&](const char* name) {
-    return Container::Read(dir / name, "scene", 3)->version();
+    return Container::Read(dir / name, "scene", 1, 3)->version();
   };
   EXPECT_EQ(version("near.litags"), 2);
   EXPECT_EQ(version("far.litags"), 3);
@@ -141,7 +141,7 @@ TEST(SceneFile, ANearPlaneComesBack) {
   Model model = SmallModel();
   model.near_plane = 0.01f;
   ASSERT_TRUE(SaveScene(dir / "a.litags", model, RingViews(3)).ok());
-  EXPECT_EQ(Container::Read(dir / "a.litags", "scene", 4)->version(), 4);
+  EXPECT_EQ(Container::Read(dir / "a.litags", "scene", 1, 4)->version(), 4);
   const auto scene = LoadSceneFile(dir / "a.litags");
   ASSERT_TRUE(scene.ok()) << scene.status();
   // Before the first camera, nearer than 3DGS draws anything.
@@ -235,7 +235,7 @@ class ChangedScene : public ::testing::Test {
 
   absl::Status Load(const std::function<void(Json* meta, std::string* splats)>& change,
                     const std::string& left_out = "", uint32_t version = 2) {
-    const auto file = Container::Read(dir_ / "a.litags", "scene", 2);
+    const auto file = Container::Read(dir_ / "a.litags", "scene", 1, 2);
     if (!file.ok()) return file.status();
     Json meta = Json::parse(*file->Section("meta"));
     std::string splats(*file->Section("splats"));

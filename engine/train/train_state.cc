@@ -127,8 +127,8 @@ absl::Status SaveTrainState(const std::string& path, const std::string& fingerpr
 }
 
 absl::StatusOr<TrainState> LoadTrainState(const std::string& path, const std::string& fingerprint) {
-  LITAGS_ASSIGN_OR_RETURN(const Container file,
-                          Container::Read(path, kKind, kCheckpointVersion, kMaxBytes));
+  LITAGS_ASSIGN_OR_RETURN(const Container file, Container::Read(path, kKind, kCheckpointVersion,
+                                                                kCheckpointVersion, kMaxBytes));
   LITAGS_ASSIGN_OR_RETURN(const std::string_view found, file.Section("fingerprint"));
   if (found != fingerprint) {
     return MakeError(absl::StatusCode::kFailedPrecondition, "CHECKPOINT_MISMATCH", "checkpoint",

@@ -28,7 +28,7 @@ struct TrainState {
   std::string saved_on;
 };
 
-// Version of the container; others are not read.
+// Version of the container. LoadTrainState reads no other.
 inline constexpr uint32_t kCheckpointVersion = 3;
 
 // One container file of kind "checkpoint". `fingerprint` says what the run was made of; saved_on

@@ -5,7 +5,7 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace litags;
-  const auto file = Container::Parse(std::string(AsText(data, size)), "x", "checkpoint", 2);
+  const auto file = Container::Parse(std::string(AsText(data, size)), "x", "checkpoint", 1, 2);
   if (!file.ok()) return 0;
   for (const std::string& name : file->SectionNames()) {
     LITAGS_CHECK(file->Section(name).ok());

@@ -118,7 +118,7 @@ PdmOptions SmallDenoiser() {
 
 // The sections of a container, as WriteScratchContainer() takes them.
 std::string Sections(const std::string& path, std::string_view kind, uint32_t version) {
-  const auto file = Container::Read(path, kind, version);
+  const auto file = Container::Read(path, kind, 1, version);
   LITAGS_CHECK(file.ok());
   std::vector<std::string> pieces;
   for (const std::string& name : file->SectionNames()) {
