@@ -9,12 +9,15 @@
 #include <utility>
 #include <vector>
 
+#include "engine/core/error_test_util.h"
 #include "engine/core/rng.h"
 #include "engine/core/simd_target.h"
 #include "engine/core/simd_test_util.h"
+#include "engine/io/container_test_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/test_util.h"
 #include "engine/pipeline/reconstruct_test_util.h"
+#include "engine/train/train_state.h"
 
 namespace litags {
 namespace {
@@ -269,19 +272,47 @@ TEST(Resume, AFinishedSceneIsMadeAgainFromItsCheckpoint) {
   EXPECT_TRUE(SceneBytes(input) == scene);
 }
 
-TEST(Resume, StartsAgainForFewerIterationsThanThereWere) {
+// A longer run's work is not replaced.
+TEST(Resume, RefusesFewerIterationsThanThereWere) {
   const Photographs photos;
   ReconstructOptions options = SmallOptions();
-  const ReconstructInput input = photos.Input("work"), whole = photos.Input("whole");
+  const ReconstructInput input = photos.Input("work");
+  const std::string checkpoint = input.work_dir + "/checkpoint.litags";
   ASSERT_TRUE(Reconstruct(input, options).ok());
+  const std::string good = Bytes(checkpoint), scene = SceneBytes(input);
   options.iterations = 20;
   options.schedule_iterations = kIterations;
-  ASSERT_TRUE(Reconstruct(whole, options).ok());
+  const absl::Status status = Reconstruct(input, options).status();
+  EXPECT_EQ(Reason(status), "CHECKPOINT_TOO_LONG");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("has 40 iterations, more than the 20"));
+  EXPECT_TRUE(Bytes(checkpoint) == good);
+  EXPECT_TRUE(SceneBytes(input) == scene);
+}
+
+TEST(Resume, RefusesACheckpointOfANewerProgram) {
+  const Photographs photos;
+  const ReconstructOptions options = SmallOptions();
+  const ReconstructInput input = photos.Input("work");
+  const std::string checkpoint = input.work_dir + "/checkpoint.litags";
+  ASSERT_EQ(ReconstructUntil(20, input, options).code(), absl::StatusCode::kCancelled);
+  RewriteAsVersion(checkpoint, "checkpoint", kCheckpointVersion + 1);
+  const std::string newer = Bytes(checkpoint);
+  const absl::Status status = Reconstruct(input, options).status();
+  EXPECT_EQ(Reason(status), "CONTAINER_TOO_NEW");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("update litags"));
+  EXPECT_TRUE(Bytes(checkpoint) == newer);
+}
+
+TEST(Resume, StartsAgainFromACheckpointOfAnOlderProgram) {
+  const Photographs photos;
+  const ReconstructOptions options = SmallOptions();
+  const ReconstructInput input = photos.Input("work");
+  ASSERT_EQ(ReconstructUntil(20, input, options).code(), absl::StatusCode::kCancelled);
+  RewriteAsVersion(input.work_dir + "/checkpoint.litags", "checkpoint", 1);
   const auto report = Reconstruct(input, options);
   ASSERT_TRUE(report.ok()) << report.status();
-  EXPECT_THAT(report->notes, Contains(HasSubstr("more than the 20 that are wanted")));
-  EXPECT_EQ(report->iterations, 20);
-  EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole));
+  EXPECT_EQ(report->first_iteration, 0);
+  EXPECT_THAT(report->notes, Contains(HasSubstr("checkpoint version 1 is older than ")));
 }
 
 TEST(Resume, SaysThatAnEarlierRunLeftNoCheckpoint) {

@@ -13,8 +13,10 @@
 #include "engine/core/image.h"
 #include "engine/core/simd_test_util.h"
 #include "engine/core/temp_dir_test_util.h"
+#include "engine/io/container_test_util.h"
 #include "engine/train/crop.h"
 #include "engine/train/initialize.h"
+#include "engine/train/train_state.h"
 #include "engine/train/train_test_util.h"
 #include "engine/train/trainer.h"
 #include "gmock/gmock.h"
@@ -290,6 +292,19 @@ TEST(RollBack, AnErrorOfReadingIsToldAndStartsNothingAnew) {
   const absl::Status status = trainer.RollBack(dir / "c", "print", initial);
   ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
   EXPECT_EQ(Reason(status), "IO_ERROR") << status;
+}
+
+TEST(RollBack, ACheckpointOfANewerProgramIsToldAndStartsNothingAnew) {
+  const TempDir dir;
+  Training run;
+  run.SpoilPhoto(2);
+  const Splats initial = ColoredCloud(kCount, 1);
+  Trainer trainer(run.options(), &run.views(), initial, SceneExtent(run.views()));
+  ASSERT_TRUE(trainer.SaveCheckpoint(dir / "c", "print").ok());
+  RewriteAsVersion(dir / "c", "checkpoint", kCheckpointVersion + 1);
+  while (trainer.Step().ok()) {
+  }
+  EXPECT_EQ(Reason(trainer.RollBack(dir / "c", "print", initial)), "CONTAINER_TOO_NEW");
 }
 
 TEST(RollBack, ACheckpointOfNoUseMeansTheStart) {

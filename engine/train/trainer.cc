@@ -397,17 +397,21 @@ absl::Status Trainer::SaveCheckpoint(const std::string& path,
 }
 
 bool IsOfNoUse(const absl::Status& loaded) {
-  return absl::IsNotFound(loaded) || absl::IsDataLoss(loaded) || absl::IsInvalidArgument(loaded) ||
-         absl::IsFailedPrecondition(loaded);
+  const auto detail = GetErrorDetail(loaded);
+  const bool of_another =
+      detail && (detail->reason == "CHECKPOINT_MISMATCH" || detail->reason == "CONTAINER_TOO_OLD");
+  return of_another || absl::IsNotFound(loaded) || absl::IsDataLoss(loaded) ||
+         absl::IsInvalidArgument(loaded);
 }
 
 absl::Status Trainer::LoadCheckpoint(const std::string& path, const std::string& fingerprint,
                                      int most_iterations) {
   LITAGS_ASSIGN_OR_RETURN(TrainState state, LoadTrainState(path, fingerprint));
   if (state.iteration > most_iterations) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "CHECKPOINT_TOO_LONG", "checkpoint",
-                     absl::StrCat("it has ", state.iteration, " iterations, more than the ",
-                                  most_iterations, " that are wanted"));
+    return MakeError(
+        absl::StatusCode::kFailedPrecondition, "CHECKPOINT_TOO_LONG", "checkpoint",
+        absl::StrCat(path, " has ", state.iteration, " iterations, more than the ", most_iterations,
+                     " that are wanted; ask for as many at least, or use another folder"));
   }
   if (state.pdm.nets.size() != impl_->state.pdm.nets.size() ||
       state.pdm.hidden != impl_->state.pdm.hidden) {

@@ -25,9 +25,10 @@ struct PhaseSeconds {
   double forward = 0, denoise = 0, losses = 0, backward = 0, density = 0;
 };
 
-// Of what Trainer::LoadCheckpoint returned: whether the checkpoint is not there, damaged, or of
-// another run, so that training begins anew. Any other error may be one of a good checkpoint that
-// cannot be read now.
+// Of what Trainer::LoadCheckpoint returned: whether the checkpoint is not there, damaged, of an
+// older program or of another run, so that training begins anew. Any other error may be one of a
+// good checkpoint: one that cannot be read now, that a newer program can read, or that has more
+// iterations than are wanted.
 bool IsOfNoUse(const absl::Status& loaded);
 
 // Trains one scene. Everything random is a function of (seed, iteration), so the result is the same
@@ -50,7 +51,7 @@ class Trainer {
   // skipped twice is not used again. Iterations in between are repeated exactly, so the result does
   // not depend on where the run went back to. INTERNAL (NOT_FINITE) after kMaxNanRecoveries, or
   // when more than half of the photos would be left out; the file's error if the checkpoint is
-  // there but cannot be read. After an error this trainer is of no more use.
+  // there and IsOfNoUse() does not hold. After an error this trainer is of no more use.
   absl::Status RollBack(const std::string& path, const std::string& fingerprint, Splats initial);
 
   // What was met so far, by iteration; part of checkpoints.
