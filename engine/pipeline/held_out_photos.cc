@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/eval/metrics.h"
 #include "engine/train/fit_camera.h"
@@ -59,11 +61,19 @@ absl::StatusOr<HeldOutScores> HeldOutPhotos::Score(size_t count, bool with_ssim,
 absl::Status HeldOutPhotos::FitCameras(const TrainOptions& options, const Model& model,
                                        double extent,
                                        const std::function<void(size_t placed)>& on_photo,
-                                       const CancelToken& cancel) {
+                                       const CancelToken& cancel, std::vector<std::string>* notes) {
+  std::vector<std::string> not_finite;
   for (size_t i = 0; i < photos_.size(); ++i) {
     on_photo(i);
-    LITAGS_ASSIGN_OR_RETURN(views_[i].camera,
+    LITAGS_ASSIGN_OR_RETURN(const FittedCamera fitted,
                             FitCamera(options, model, photos_[i], extent, cancel));
+    views_[i].camera = fitted.camera;
+    if (!fitted.finite) not_finite.push_back(views_[i].name);
+  }
+  if (!not_finite.empty()) {
+    notes->push_back(absl::StrCat(
+        "held-out photos that are not placed to the end, because a number was not finite: ",
+        absl::StrJoin(not_finite, ", "), "; their scores tell less"));
   }
   return absl::OkStatus();
 }

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -41,10 +42,11 @@ class HeldOutPhotos {
 
   // Places the photos in a scene whose cameras were refined: photos that are not learnt do not move
   // their cameras while the others move theirs. `options` and `extent` as in FitCamera. Calls
-  // on_photo before each, with how many are placed. CANCELLED within a step.
+  // on_photo before each, with how many are placed. Adds a note of those where a number was not
+  // finite. CANCELLED within a step.
   absl::Status FitCameras(const TrainOptions& options, const Model& model, double extent,
                           const std::function<void(size_t placed)>& on_photo,
-                          const CancelToken& cancel);
+                          const CancelToken& cancel, std::vector<std::string>* notes);
 
  private:
   absl::StatusOr<HeldOutScores> Score(size_t count, bool with_ssim, ModelRenderer& renderer,

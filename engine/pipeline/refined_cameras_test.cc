@@ -3,16 +3,20 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
+#include <string>
 #include <vector>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "engine/pipeline/held_out_photos.h"
 #include "engine/pipeline/reconstruct_test_util.h"
 
 namespace litags {
 namespace {
 
 using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -134,6 +138,27 @@ TEST(RefineCameras, TheTimeLeftCountsPlacingHeldOutPhotos) {
   };
   EXPECT_LT(iterations_left(0), 40);
   EXPECT_GT(iterations_left(4), 60) << "two photos of 150 steps";
+}
+
+TEST(HeldOutPhotos, NamesThoseThatCouldNotBePlacedToTheEnd) {
+  const Splats splats = ColoredCloud(kPoints, 3);
+  const std::vector<TrainView> views = DarkViews(splats, 2, kWidth, kHeight);
+  Model model;
+  model.lita = false;
+  model.splats = splats;
+  for (size_t i = 0; i < splats.size(); ++i) {
+    model.splats.at(i, kShDc) = std::numeric_limits<float>::quiet_NaN();
+  }
+  TrainOptions options;
+  options.recipe = Plain3dgs();
+  options.threads = 1;
+  HeldOutPhotos held_out(&views, 1);
+  std::vector<std::string> notes;
+  ASSERT_TRUE(held_out
+                  .FitCameras(
+                      options, model, 1, [](size_t) {}, CancelToken(), &notes)
+                  .ok());
+  EXPECT_THAT(notes, ElementsAre(HasSubstr("not finite: photo0.png, photo1.png")));
 }
 
 }  // namespace

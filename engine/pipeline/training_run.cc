@@ -303,7 +303,8 @@ absl::Status TrainingRun::FitHeldOut(const Model& model) {
     progress.message = absl::StrCat("placing held-out photos: ", placed, " of ", n);
     observer_->OnProgress(progress);
   };
-  return held_out_.FitCameras(train_options_, model, extent_, report, context_.cancel);
+  return held_out_.FitCameras(train_options_, model, extent_, report, context_.cancel,
+                              &context_.report->notes);
 }
 
 // All photos' cameras as they are known now, by name.

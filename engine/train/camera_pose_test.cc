@@ -1,8 +1,10 @@
 #include "engine/train/camera_pose.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "engine/core/error_test_util.h"
@@ -10,6 +12,7 @@
 #include "engine/core/rng.h"
 #include "engine/core/temp_dir_test_util.h"
 #include "engine/render/renderer.h"
+#include "engine/train/crop.h"
 #include "engine/train/fit_camera.h"
 #include "engine/train/initialize.h"
 #include "engine/train/train_test_util.h"
@@ -254,13 +257,39 @@ TEST(FitCamera, FindsWhereAPhotoOfAFinishedSceneWasTaken) {
   for (int i = 0; i < kViews; ++i) {
     const auto fitted = FitCamera(options, model, shaken[i], SceneExtent(shaken), CancelToken());
     ASSERT_TRUE(fitted.ok()) << fitted.status();
+    EXPECT_TRUE(fitted->finite);
     EXPECT_GT(PixelsOff(i, shaken[i].view.camera, Scene(), Scene()), 0.35);
-    EXPECT_LT(PixelsOff(i, *fitted, Scene(), Scene()), 0.25);
+    EXPECT_LT(PixelsOff(i, fitted->camera, Scene(), Scene()), 0.25);
   }
   CancelToken cancel;
   cancel.Cancel();
   EXPECT_EQ(FitCamera(options, model, shaken[0], SceneExtent(shaken), cancel).status().code(),
             absl::StatusCode::kCancelled);
+}
+
+// Two crops a visit, of which the second has a Gaussian whose colour is no number.
+TEST(FitCamera, KeepsAndTellsWhatItHadBeforeANumberWasNotFinite) {
+  TrainOptions options = CamerasAlone();
+  options.recipe.crop_pixels = 64 * 56 / 2;
+  const TrainView shaken = ShakenViews(0.02, 0.05)[0];
+  const CropGrid grid(64, 56, options.recipe.crop_pixels);
+  ASSERT_EQ(grid.columns, 2);
+  while (DrawCrop(grid, options.seed, 0, 0).x == 0) ++options.seed;  // the right half comes first
+  Model model = Trainer(options, &Views(), Scene(), SceneExtent(Views())).Snapshot();
+  const Camera& camera = shaken.view.camera;
+  std::vector<std::pair<double, size_t>> columns;
+  for (size_t i = 0; i < model.splats.size(); ++i) {
+    const auto p = camera.CamFromWorld(
+        {model.splats.at(i, kMean), model.splats.at(i, kMean + 1), model.splats.at(i, kMean + 2)});
+    columns.emplace_back(camera.fx * p[0] / p[2], i);
+  }
+  const size_t leftmost = std::min_element(columns.begin(), columns.end())->second;
+  model.splats.at(leftmost, kShDc) = std::numeric_limits<float>::quiet_NaN();
+  const auto fitted = FitCamera(options, model, shaken, SceneExtent(Views()), CancelToken());
+  ASSERT_TRUE(fitted.ok()) << fitted.status();
+  EXPECT_FALSE(fitted->finite);
+  EXPECT_NE(fitted->camera.t, camera.t);
+  EXPECT_TRUE(fitted->camera.Validate("camera").ok());
 }
 
 }  // namespace

@@ -10,8 +10,9 @@
 
 namespace litags {
 
-absl::StatusOr<Camera> FitCamera(const TrainOptions& training, const Model& model,
-                                 const TrainView& view, double extent, const CancelToken& cancel) {
+absl::StatusOr<FittedCamera> FitCamera(const TrainOptions& training, const Model& model,
+                                       const TrainView& view, double extent,
+                                       const CancelToken& cancel) {
   TrainOptions options = training;
   options.iterations = kFitSteps;
   const std::vector<TrainView> views(1, view);  // one copy: photos are large
@@ -37,10 +38,10 @@ absl::StatusOr<Camera> FitCamera(const TrainOptions& training, const Model& mode
     const double lr =
         FallingRate(recipe.lr_cameras, recipe.lr_cameras_final, double(step) / kFitSteps);
     if (!StepPose(renderer.pose_grad(), step + 1, lr, extent, AdamConstants(), &pose)) {
-      return view.view.camera;
+      return FittedCamera{pose.Apply(view.view.camera), /*finite=*/false};
     }
   }
-  return pose.Apply(view.view.camera);
+  return FittedCamera{pose.Apply(view.view.camera)};
 }
 
 }  // namespace litags
