@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/shrunk_size.h"
 
 namespace litags {
 namespace {
@@ -63,9 +64,8 @@ Camera Camera::Scaled(int new_width, int new_height) const {
 }
 
 Camera Camera::ShrunkTo(int max_side) const {
-  const double shrink = std::min(1.0, double(max_side) / std::max(width, height));
-  return Scaled(std::max(1, static_cast<int>(std::lround(shrink * width))),
-                std::max(1, static_cast<int>(std::lround(shrink * height))));
+  const PictureSize size = ShrunkSize(width, height, max_side);
+  return Scaled(size.width, size.height);
 }
 
 absl::Status Camera::Validate(std::string_view field, int64_t max_pixels) const {

@@ -4,6 +4,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "engine/core/camera.h"
@@ -15,6 +16,7 @@
 #include "engine/core/json_text.h"
 #include "engine/core/parallel.h"
 #include "engine/core/rng.h"
+#include "engine/core/shrunk_size.h"
 #include "engine/core/splats.h"
 #include "engine/core/utf8.h"
 #include "gmock/gmock.h"
@@ -224,6 +226,19 @@ TEST(Splats, ResizeKeepsAndClears) {
   splats.Resize(40);
   EXPECT_EQ(splats.at(16, kMean), 17);
   for (size_t i = 17; i < 40; ++i) EXPECT_EQ(splats.at(i, kMean), 0);
+}
+
+TEST(ShrunkSize, KeepsTheShape) {
+  const auto shrunk = [](int width, int height, int max_side) {
+    const PictureSize size = ShrunkSize(width, height, max_side);
+    return std::pair(size.width, size.height);
+  };
+  EXPECT_EQ(shrunk(4032, 3024, 1600), std::pair(1600, 1200));
+  EXPECT_EQ(shrunk(3024, 4032, 1600), std::pair(1200, 1600));
+  EXPECT_EQ(shrunk(1000, 665, 100), std::pair(100, 67));  // 66.5
+  EXPECT_EQ(shrunk(800, 600, 1600), std::pair(800, 600));
+  EXPECT_EQ(shrunk(4032, 3024, 0), std::pair(4032, 3024));  // any
+  EXPECT_EQ(shrunk(100000, 10, 64), std::pair(64, 1));
 }
 
 TEST(Image, BytesSurviveTheRoundTrip) {

@@ -12,6 +12,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/check.h"
+#include "engine/core/shrunk_size.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_header.h"
 #include "engine/io/io_error.h"
@@ -264,9 +265,8 @@ Photo ResizeArea(const Photo& photo, int width, int height) {
 }
 
 Photo ShrinkToFit(const Photo& photo, int side) {
-  const double scale = std::min(1.0, double(side) / std::max(photo.width, photo.height));
-  return ResizeArea(photo, std::max(1, static_cast<int>(std::lround(photo.width * scale))),
-                    std::max(1, static_cast<int>(std::lround(photo.height * scale))));
+  const PictureSize size = ShrunkSize(photo.width, photo.height, side);
+  return ResizeArea(photo, size.width, size.height);
 }
 
 }  // namespace litags

@@ -7,6 +7,7 @@
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
+#include "engine/core/shrunk_size.h"
 #include "engine/core/splats.h"
 #include "engine/core/spread_indices.h"
 #include "engine/io/depth_io.h"
@@ -119,14 +120,6 @@ std::string Advice(absl::Span<const ScreenedPhoto> photos, const ReconstructOpti
 
 }  // namespace
 
-TrainingSize ShrunkTo(int max_side, int width, int height) {
-  const int side = std::max(width, height);
-  if (max_side <= 0 || side <= max_side) return {width, height};
-  const double scale = double(max_side) / side;
-  return {std::max(1, static_cast<int>(std::lround(width * scale))),
-          std::max(1, static_cast<int>(std::lround(height * scale)))};
-}
-
 PhotoMaps MapsOf(absl::Span<const ScreenedPhoto> photos, const ReconstructInput& input,
                  const ReconstructOptions& options, bool masks) {
   const Recipe recipe = options.ResolveRecipe();
@@ -146,7 +139,7 @@ PhotoMaps MapsOf(absl::Span<const ScreenedPhoto> photos, const ReconstructInput&
       const int most = StereoPhotos(recipe, options);
       for (const size_t i : SpreadIndices(photos.size(), most > 0 ? most : photos.size())) {
         const auto [width, height] =
-            ShrunkTo(StereoOptions().max_side, photos[i].width, photos[i].height);
+            ShrunkSize(photos[i].width, photos[i].height, StereoOptions().max_side);
         maps.depth[photos[i].name] = int64_t{width} * height;
       }
       break;
@@ -171,7 +164,7 @@ MemoryEstimate EstimateMemory(absl::Span<const ScreenedPhoto> photos,
   const Recipe recipe = options.ResolveRecipe();
   double all = 0, depth = 0, largest = 0, largest_file = 0;
   for (const ScreenedPhoto& photo : photos) {
-    const TrainingSize size = ShrunkTo(options.max_image_side, photo.width, photo.height);
+    const PictureSize size = ShrunkSize(photo.width, photo.height, options.max_image_side);
     const double pixels = double(size.width) * size.height;
     all += pixels;
     if (const auto map = maps.depth.find(photo.name); map != maps.depth.end()) {

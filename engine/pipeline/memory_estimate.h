@@ -15,12 +15,6 @@
 
 namespace litags {
 
-// A photo's size at training: its longer side at most `max_side` px (0: any).
-struct TrainingSize {
-  int width = 0, height = 0;  // px
-};
-TrainingSize ShrunkTo(int max_side, int width, int height);
-
 // Bytes at the peak. COLMAP's processes have ended by then.
 struct MemoryEstimate {
   int64_t reading = 0;    // of photos, beside those read before: over when targets are made

@@ -32,15 +32,6 @@ std::vector<ScreenedPhoto> PhotosOf(int count, int width, int height) {
   return std::vector<ScreenedPhoto>(count, photo);
 }
 
-TEST(MemoryEstimate, TrainingSizesKeepTheShape) {
-  EXPECT_EQ(ShrunkTo(1600, 4032, 3024).width, 1600);
-  EXPECT_EQ(ShrunkTo(1600, 4032, 3024).height, 1200);
-  EXPECT_EQ(ShrunkTo(1600, 3024, 4032).height, 1600);
-  EXPECT_EQ(ShrunkTo(0, 4032, 3024).width, 4032);
-  EXPECT_EQ(ShrunkTo(1600, 800, 600).width, 800);
-  EXPECT_EQ(ShrunkTo(64, 100000, 10).height, 1);
-}
-
 TEST(MemoryEstimate, GrowsWithWhatTakesMemory) {
   const ReconstructOptions options;
   const MemoryEstimate few = EstimateMemory(PhotosOf(10, 1600, 1200), options, 2, {});

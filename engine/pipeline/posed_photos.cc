@@ -14,6 +14,7 @@
 #include "engine/core/limits.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
+#include "engine/core/shrunk_size.h"
 #include "engine/core/spread_indices.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
@@ -158,7 +159,7 @@ absl::Status LoadPhoto(const CutInput& input, const MaskPaths& masks, const Dist
 // To the size of training. How many of the camera's pixels one is wide then.
 double Shrink(int max_side, OnePhoto* v) {
   Camera& camera = v->view.camera;
-  const auto [width, height] = ShrunkTo(max_side, camera.width, camera.height);
+  const auto [width, height] = ShrunkSize(camera.width, camera.height, max_side);
   if (width == camera.width && height == camera.height) return 1;
   const double shrunk = static_cast<double>(camera.width) / width;
   const auto resize = [width = width, height = height](const auto& image) {

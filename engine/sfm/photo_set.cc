@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
+#include "engine/core/shrunk_size.h"
 #include "engine/io/image_io.h"
 #include "engine/io/work_folder.h"
 
@@ -160,11 +161,9 @@ absl::StatusOr<std::vector<PhotoFile>> ListPhotoSet(const std::string& images_di
   const auto shared = SharedFocalLengths({focal_lengths.begin(), focal_lengths.end()});
   for (size_t i = 0; i < photos.size(); ++i) {
     PhotoFile& photo = photos[i];
-    const int longer = std::max(photo.shown.width, photo.shown.height);
-    const double scale =
-        max_image_side > 0 ? std::min(1.0, static_cast<double>(max_image_side) / longer) : 1;
-    photo.copy_width = std::max(1, static_cast<int>(std::lround(scale * photo.shown.width)));
-    photo.copy_height = std::max(1, static_cast<int>(std::lround(scale * photo.shown.height)));
+    const PictureSize copy = ShrunkSize(photo.shown.width, photo.shown.height, max_image_side);
+    photo.copy_width = copy.width;
+    photo.copy_height = copy.height;
     // By the size before shrinking: two sizes may shrink to one without being one camera.
     photo.camera = absl::StrFormat("%dx%d", photo.shown.width, photo.shown.height);
     const double focal = shared.at(focal_lengths[i]);

@@ -12,6 +12,7 @@ extern "C" {
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "engine/core/shrunk_size.h"
 #include "engine/io/ycbcr.h"
 #include "engine/video/video_color.h"
 
@@ -97,9 +98,8 @@ Planes LumaOf(const AVFrame& frame, int side) {
   const double unit = std::exp2(16 - kind.bits);  // of 16 bits, which shrinking rounds to
   const cv::Mat codes(frame.height, frame.width, kind.bits > 8 ? CV_16U : CV_8U, frame.data[0],
                       static_cast<size_t>(frame.linesize[0]));
-  const double scale = std::min(1.0, double(side) / std::max(frame.width, frame.height));
-  const cv::Size size(std::max(1, static_cast<int>(std::lround(frame.width * scale))),
-                      std::max(1, static_cast<int>(std::lround(frame.height * scale))));
+  const auto [width, height] = ShrunkSize(frame.width, frame.height, side);
+  const cv::Size size(width, height);
   cv::Mat fine, shrunk;
   codes.convertTo(fine, CV_16U, unit);
   cv::resize(fine, shrunk, size, 0, 0, cv::INTER_AREA);

@@ -6,10 +6,10 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
+#include "engine/core/shrunk_size.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/pipeline/given_cameras.h"
-#include "engine/pipeline/memory_estimate.h"
 
 namespace litags {
 
@@ -88,8 +88,8 @@ absl::StatusOr<std::vector<TestView>> AtSizeOfPhotos(std::vector<TestView> views
 std::vector<TestView> AtMost(int max_side, std::vector<TestView> views) {
   for (TestView& view : views) {
     Camera& camera = view.view.camera;
-    const auto [width, height] = ShrunkTo(max_side, camera.width, camera.height);
-    camera = camera.Scaled(width, height);
+    const PictureSize size = ShrunkSize(camera.width, camera.height, max_side);
+    camera = camera.Scaled(size.width, size.height);
   }
   return views;
 }
