@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cmath>
+#include <optional>
 #include <string>
 
 #include "engine/core/photo.h"
@@ -57,14 +58,33 @@ TEST(Lens, UndistortIsTheInverse) {
     for (const double x : {-0.7, 0.0, 0.2, 0.9}) {
       const auto seen = Distort(lens, x, 0.5 * x - 0.1);
       const auto back = Undistort(lens, seen[0], seen[1]);
-      EXPECT_NEAR(back[0], x, 1e-9);
-      EXPECT_NEAR(back[1], 0.5 * x - 0.1, 1e-9);
+      ASSERT_TRUE(back.has_value()) << x;
+      EXPECT_NEAR((*back)[0], x, 1e-9);
+      EXPECT_NEAR((*back)[1], 0.5 * x - 0.1, 1e-9);
     }
   }
-  // Behind the camera: far out, and finite.
-  const auto behind = Undistort(Distortion{.fisheye = true}, 2, 0);
-  EXPECT_GT(behind[0], 100);
-  EXPECT_TRUE(std::isfinite(behind[0]));
+  // Behind the camera.
+  EXPECT_EQ(Undistort(Distortion{.fisheye = true}, 2, 0), std::nullopt);
+}
+
+// The curve of k1 = -0.3 rises up to r = 1.054, which it puts at 0.703.
+TEST(Lens, BeyondWhereTheCurveRisesNoPointIsSeen) {
+  const Distortion barrel{.k1 = -0.3};
+  for (const double x : {0.3, 0.7, 0.9, 1.0}) {
+    const auto back = Undistort(barrel, Distort(barrel, x, 0)[0], 0);
+    ASSERT_TRUE(back.has_value()) << x;
+    EXPECT_NEAR((*back)[0], x, 1e-5);
+  }
+  // Also where it rises again, and puts points there that lie far out.
+  const Distortion twice{.k1 = -0.5, .k2 = 0.1};
+  for (const Distortion& lens : {barrel, twice}) {
+    for (const double seen : {0.71, 0.8, 1.2}) {
+      EXPECT_EQ(Undistort(lens, seen, 0), std::nullopt) << seen;
+      EXPECT_EQ(Undistort(lens, 0, -seen), std::nullopt) << seen;
+    }
+  }
+  const Distortion fisheye{.k1 = -0.3, .fisheye = true};
+  EXPECT_EQ(Undistort(fisheye, 0.71, 0), std::nullopt);
 }
 
 TEST(Lens, PhotosOfAFisheyeBecomeThoseOfAPinhole) {
@@ -76,7 +96,8 @@ TEST(Lens, PhotosOfAFisheyeBecomeThoseOfAPinhole) {
       // The ray that this pixel of the fisheye sees.
       const auto ray =
           Undistort(kFisheye, (x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy);
-      std::fill_n(photo.pixel(x, y), 3, PhotoSample(static_cast<float>(pattern(ray[0], ray[1]))));
+      std::fill_n(photo.pixel(x, y), 3,
+                  PhotoSample(static_cast<float>(pattern(ray->at(0), ray->at(1)))));
     }
   }
   const auto pinhole = Undistort(photo, camera, kFisheye);
@@ -125,7 +146,7 @@ TEST(Lens, PointsNearTheRimOfAFisheyeComeBack) {
   for (int degrees = 1; degrees <= 51; ++degrees) {
     const double x = std::tan(degrees * degree);
     const auto seen = Distort(lens, x, 0);
-    EXPECT_NEAR(std::atan(Undistort(lens, seen[0], seen[1])[0]) / degree, degrees, 1e-6);
+    EXPECT_NEAR(std::atan(Undistort(lens, seen[0], seen[1]).value()[0]) / degree, degrees, 1e-6);
   }
   EXPECT_NEAR(FisheyeAngle(lens, 9, 2) / degree, 51.7, 0.1);
 }

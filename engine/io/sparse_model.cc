@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -15,37 +16,25 @@
 namespace litags {
 namespace {
 
-// `out` of type and size of `in`: what the pinhole `camera` would have taken.
-absl::Status Remap(const cv::Mat& in, const Camera& camera, const Distortion& lens,
-                   int interpolation, int border, cv::Mat* out) {
-  if (!lens.IsFinite()) {
-    return InvalidField("NOT_FINITE", "distortion",
-                        "a lens distortion coefficient is NaN or infinite; send finite numbers");
-  }
-  try {
-    // OpenCV counts pixels from their centres, we from their corners.
-    cv::Mat map_x(in.size(), CV_32FC1), map_y(in.size(), CV_32FC1);
-    for (int v = 0; v < in.rows; ++v) {
-      float* const to_x = map_x.ptr<float>(v);
-      float* const to_y = map_y.ptr<float>(v);
-      const double y = (v + 0.5 - camera.cy) / camera.fy;
-      for (int u = 0; u < in.cols; ++u) {
-        const auto seen = Distort(lens, (u + 0.5 - camera.cx) / camera.fx, y);
-        to_x[u] = static_cast<float>(camera.fx * seen[0] + camera.cx - 0.5);
-        to_y[u] = static_cast<float>(camera.fy * seen[1] + camera.cy - 0.5);
-      }
-    }
-    cv::remap(in, *out, map_x, map_y, interpolation, border);
-    return absl::OkStatus();
-  } catch (const cv::Exception& e) {
-    return FieldError(absl::StatusCode::kInternal, "UNDISTORT_FAILED", "image", e.what());
-  }
-}
+// Steps at which a lens's curve is looked at.
+constexpr int kCurveSteps = 64;
 
 // Of FisheyeRadius: whether it still rises at an angle.
 bool Rises(const Distortion& d, double angle) {
   const double t2 = angle * angle;
   return 1 + t2 * (3 * d.k1 + t2 * (5 * d.k2 + t2 * (7 * d.k3 + t2 * 9 * d.k4))) > 0;
+}
+
+// Whether the lens puts what lies a little farther than `r` from the middle farther out, too.
+bool RisesAt(const Distortion& d, double r) {
+  if (d.fisheye) return Rises(d, std::atan(r));
+  const double r2 = r * r;
+  const double above = 1 + r2 * (d.k1 + r2 * (d.k2 + r2 * d.k3));
+  const double below = 1 + r2 * (d.k4 + r2 * (d.k5 + r2 * d.k6));
+  const double above_slope = d.k1 + r2 * (2 * d.k2 + r2 * 3 * d.k3);  // by r^2
+  const double below_slope = d.k4 + r2 * (2 * d.k5 + r2 * 3 * d.k6);
+  // Of r above / below, times below^2. Behind a pole the curve comes from the other side.
+  return below > 0 && above * below + 2 * r2 * (above_slope * below - above * below_slope) > 0;
 }
 
 // Between `low`, for which `is_below` holds, and `high`: where it stops.
@@ -55,6 +44,55 @@ double Bisect(double low, double high, absl::FunctionRef<bool(double)> is_below)
     (is_below(middle) ? low : high) = middle;
   }
   return 0.5 * (low + high);
+}
+
+// How far from the middle the lens's curve rises; infinite if beyond `most`. Behind that it folds
+// back, and would show again what lies before it.
+double FoldRadius(const Distortion& d, double most) {
+  for (int i = 1; i <= kCurveSteps; ++i) {
+    const double r = most * i / kCurveSteps;
+    if (RisesAt(d, r)) continue;
+    return Bisect(most * (i - 1) / kCurveSteps, r, [&](double at) { return RisesAt(d, at); });
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+// How far from the middle the picture's farthest corner is, for focal length 1.
+double CornerRadius(const Camera& c) {
+  return std::hypot(std::max(c.cx, c.width - c.cx) / c.fx, std::max(c.cy, c.height - c.cy) / c.fy);
+}
+
+// `out` of type and size of `in`: what the pinhole `camera` would have taken. What the lens does
+// not show is taken from beyond the photo's border.
+absl::Status Remap(const cv::Mat& in, const Camera& camera, const Distortion& lens,
+                   int interpolation, int border, cv::Mat* out) {
+  if (!lens.IsFinite()) {
+    return InvalidField("NOT_FINITE", "distortion",
+                        "a lens distortion coefficient is NaN or infinite; send finite numbers");
+  }
+  try {
+    // OpenCV counts pixels from their centres, we from their corners.
+    cv::Mat map_x(in.size(), CV_32FC1), map_y(in.size(), CV_32FC1);
+    const double fold = FoldRadius(lens, CornerRadius(camera));
+    const double outside = 2.0 * (in.cols + in.rows);  // px from the middle
+    for (int v = 0; v < in.rows; ++v) {
+      float* const to_x = map_x.ptr<float>(v);
+      float* const to_y = map_y.ptr<float>(v);
+      const double y = (v + 0.5 - camera.cy) / camera.fy;
+      for (int u = 0; u < in.cols; ++u) {
+        const double x = (u + 0.5 - camera.cx) / camera.fx, r = std::sqrt(x * x + y * y);
+        const auto seen =
+            r < fold ? Distort(lens, x, y)
+                     : std::array{x / r * outside / camera.fx, y / r * outside / camera.fy};
+        to_x[u] = static_cast<float>(camera.fx * seen[0] + camera.cx - 0.5);
+        to_y[u] = static_cast<float>(camera.fy * seen[1] + camera.cy - 0.5);
+      }
+    }
+    cv::remap(in, *out, map_x, map_y, interpolation, border);
+    return absl::OkStatus();
+  } catch (const cv::Exception& e) {
+    return FieldError(absl::StatusCode::kInternal, "UNDISTORT_FAILED", "image", e.what());
+  }
 }
 
 }  // namespace
@@ -88,13 +126,12 @@ double FisheyeRadius(const Distortion& d, double angle) {
 }
 
 double FisheyeAngle(const Distortion& d, double radius, double most) {
-  constexpr int kSteps = 64;
   const auto rises = [&](double angle) { return Rises(d, angle); };
   const auto is_below = [&](double angle) { return FisheyeRadius(d, angle) < radius; };
   double low = 0, high = 0;
-  for (int i = 1; i <= kSteps; ++i) {
+  for (int i = 1; i <= kCurveSteps; ++i) {
     low = high;
-    high = most * i / kSteps;
+    high = most * i / kCurveSteps;
     if (!rises(high)) {
       high = Bisect(low, high, rises);
       break;
@@ -117,24 +154,31 @@ std::array<double, 2> Distort(const Distortion& d, double x, double y) {
           y * radial + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y};
 }
 
-std::array<double, 2> Undistort(const Distortion& d, double x, double y) {
+std::optional<std::array<double, 2>> Undistort(const Distortion& d, double x, double y) {
+  double px = x, py = y;
   if (d.fisheye) {
     constexpr double kMost = 0.499 * std::numbers::pi;
     const double seen = std::hypot(x, y);
     const double scale = seen > 0 ? std::tan(FisheyeAngle(d, seen, kMost)) / seen : 1;
-    return {x * scale, y * scale};
+    px *= scale;
+    py *= scale;
+  } else {
+    // The way of OpenCV and COLMAP, a fixed point: distortions of photos are small. Few steps do
+    // but near to where the curve folds back.
+    constexpr int kSteps = 200;
+    for (int i = 0; i < kSteps; ++i) {
+      const auto seen = Distort(d, px, py);
+      const double dx = x - seen[0], dy = y - seen[1];
+      px += dx;
+      py += dy;
+      if (dx * dx + dy * dy < 1e-20) break;
+    }
   }
-  // The way of OpenCV and COLMAP, a fixed point: distortions of photos are small.
-  constexpr int kSteps = 50;
-  double px = x, py = y;
-  for (int i = 0; i < kSteps; ++i) {
-    const auto seen = Distort(d, px, py);
-    const double dx = x - seen[0], dy = y - seen[1];
-    px += dx;
-    py += dy;
-    if (dx * dx + dy * dy < 1e-20) break;
-  }
-  return {px, py};
+  constexpr double kNear = 1e-6;  // some thousandths of a pixel
+  const auto seen = Distort(d, px, py);
+  const double r = std::hypot(px, py);
+  if (!(std::hypot(seen[0] - x, seen[1] - y) < kNear) || FoldRadius(d, r) <= r) return std::nullopt;
+  return std::array{px, py};
 }
 
 double LargestShift(const Camera& camera, const Distortion& d) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -45,9 +46,9 @@ double FisheyeAngle(const Distortion& lens, double radius, double most);
 
 // Where the point (x, y) is seen, both for focal length 1.
 std::array<double, 2> Distort(const Distortion& lens, double x, double y);
-// Where the point lies that is seen at (x, y). A fisheye sees what lies beside it and behind it,
-// too; that is put far out.
-std::array<double, 2> Undistort(const Distortion& lens, double x, double y);
+// Where the point lies that is seen at (x, y). Nothing where the lens puts no point in front of it:
+// beyond where its curve stops rising, and at what a fisheye sees beside and behind it.
+std::optional<std::array<double, 2>> Undistort(const Distortion& lens, double x, double y);
 
 // Where a point was seen: index into SparseModel::views and position in that photo, px.
 struct TrackElement {
@@ -96,9 +97,9 @@ absl::Status CheckIntrinsics(const Camera& camera, std::string_view where);
 double LargestShift(const Camera& camera, const Distortion& distortion);
 
 // Removes lens distortion: the picture that the pinhole `camera` (same intrinsics) would have
-// taken. Where the photo has no pixels its border is repeated. INVALID_ARGUMENT if the sizes differ
-// or a coefficient is not finite.
-// ImageU8 or Photo.
+// taken. Where the photo has no pixels its border is repeated: also where the lens's curve no
+// longer rises, which it would show mirrored. INVALID_ARGUMENT if the sizes differ or a coefficient
+// is not finite. ImageU8 or Photo.
 template <typename T>
 absl::StatusOr<Image<T>> Undistort(const Image<T>& image, const Camera& camera,
                                    const Distortion& distortion);

@@ -102,6 +102,40 @@ TEST(Undistort, ItsMaskIsWhatThePhotoHas) {
   EXPECT_EQ(Reason(MaskOfUndistorted(camera, {.k1 = NAN}).status()), "NOT_FINITE");
 }
 
+// Where its curve no longer rises, a lens would show again what lies farther in.
+TEST(Undistort, BeyondWhereTheCurveRisesNothingCounts) {
+  Camera camera = TestCamera();
+  camera.fx = camera.fy = 36;  // wide: the corners lie at 2.05
+  struct Lens {
+    Distortion distortion;
+    double fold;
+  };
+  for (const Lens& lens : {Lens{{.k1 = -0.3}, std::sqrt(1 / 0.9)},
+                           Lens{{.k1 = -0.5, .k2 = 0.1}, 1},  // and rises again from 1.41
+                           Lens{{.k1 = -0.3, .fisheye = true}, std::tan(std::sqrt(1 / 0.9))}}) {
+    const Distortion& d = lens.distortion;
+    const auto mask = MaskOfUndistorted(camera, d);
+    ASSERT_TRUE(mask.ok()) << mask.status();
+    ASSERT_FALSE(mask->empty());
+    Planes ones(1, camera.height, camera.width);
+    std::fill(ones.data.begin(), ones.data.end(), 1.0f);
+    const auto depth = UndistortNearest(ones, camera, d);
+    ASSERT_TRUE(depth.ok()) << depth.status();
+    for (int y = 0; y < camera.height; ++y) {
+      for (int x = 0; x < camera.width; ++x) {
+        const double r =
+            std::hypot((x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy);
+        if (std::abs(r - lens.fold) < 1e-6) continue;
+        const size_t i = size_t(y) * camera.width + x;
+        EXPECT_EQ(mask->data[i], r < lens.fold ? 255 : 0) << x << " " << y;
+        EXPECT_EQ(depth->data[i], r < lens.fold ? 1 : 0) << x << " " << y;
+      }
+    }
+    EXPECT_EQ(mask->data[0], 0);
+    EXPECT_TRUE(Undistort(TestImage(120, 80), camera, d).ok());
+  }
+}
+
 TEST(Undistort, RefusesOtherSizesAndNaN) {
   EXPECT_EQ(Reason(Undistort(TestImage(60, 40), TestCamera(), {}).status()), "SIZE_MISMATCH");
   EXPECT_EQ(Reason(Undistort(ImageU8(), TestCamera(), {}).status()), "SIZE_MISMATCH");

@@ -15,6 +15,8 @@ namespace {
 // Rays this near to parallel meet nowhere in particular: which side of the cameras says nothing.
 const double kParallel = std::cos(0.25 * std::numbers::pi / 180);
 
+constexpr double kNowhere = std::numeric_limits<double>::quiet_NaN();
+
 // Whether the rays come nearest to each other in front of both cameras.
 bool MeetInFront(const PhotoRays& first, const PhotoRays& second, const Eigen::Vector3d& ray1,
                  const Eigen::Vector3d& ray2) {
@@ -28,12 +30,13 @@ bool MeetInFront(const PhotoRays& first, const PhotoRays& second, const Eigen::V
 
 }  // namespace
 
-Eigen::Vector2d UndistortPoint(const Camera& camera, const Distortion& distortion,
-                               const Eigen::Vector2d& seen) {
+std::optional<Eigen::Vector2d> UndistortPoint(const Camera& camera, const Distortion& distortion,
+                                              const Eigen::Vector2d& seen) {
   if (distortion.IsZero()) return seen;
   const auto point =
       Undistort(distortion, (seen.x() - camera.cx) / camera.fx, (seen.y() - camera.cy) / camera.fy);
-  return {camera.fx * point[0] + camera.cx, camera.fy * point[1] + camera.cy};
+  if (!point.has_value()) return std::nullopt;
+  return Eigen::Vector2d(camera.fx * (*point)[0] + camera.cx, camera.fy * (*point)[1] + camera.cy);
 }
 
 PhotoRays::PhotoRays(const Camera& camera, const Distortion& distortion,
@@ -44,7 +47,8 @@ PhotoRays::PhotoRays(const Camera& camera, const Distortion& distortion,
   center = -R.transpose() * t;
   std::map<std::pair<double, double>, int> first_at;
   for (const Eigen::Vector2d& seen : keypoints) {
-    const Eigen::Vector2d point = UndistortPoint(camera, distortion, seen);
+    const Eigen::Vector2d point =
+        UndistortPoint(camera, distortion, seen).value_or(Eigen::Vector2d::Constant(kNowhere));
     const Eigen::Vector3d in_camera((point.x() - camera.cx) / camera.fx,
                                     (point.y() - camera.cy) / camera.fy, 1);
     const int index = static_cast<int>(points.size());
@@ -79,7 +83,7 @@ std::vector<VerifiedMatch> VerifyMatches(const PhotoRays& first, const PhotoRays
   for (const FeatureMatch& match : matches) {
     const int f1 = first.twin_of[match.index1], f2 = second.twin_of[match.index2];
     const double error = SampsonError(fundamental, first.points[f1], second.points[f2]);
-    if (error > max_error_px) continue;
+    if (!(error <= max_error_px)) continue;
     if (!MeetInFront(first, second, first.rays[f1], second.rays[f2])) continue;
     verified.push_back({f1, f2, error});
   }

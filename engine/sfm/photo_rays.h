@@ -4,6 +4,7 @@
 #define LITAGS_ENGINE_SFM_PHOTO_RAYS_H_
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "engine/core/camera.h"
@@ -12,9 +13,10 @@
 
 namespace litags {
 
-// Where the feature at `seen`, px of the photo as taken, lies without lens distortion, px.
-Eigen::Vector2d UndistortPoint(const Camera& camera, const Distortion& distortion,
-                               const Eigen::Vector2d& seen);
+// Where the feature at `seen`, px of the photo as taken, lies without lens distortion, px; nothing
+// where the lens puts no point (see Undistort).
+std::optional<Eigen::Vector2d> UndistortPoint(const Camera& camera, const Distortion& distortion,
+                                              const Eigen::Vector2d& seen);
 
 struct PhotoRays {
   // `keypoints` [n], px of the photo as taken.
@@ -23,9 +25,10 @@ struct PhotoRays {
 
   Eigen::Matrix3d K, R;  // x_cam = R x_world + t
   Eigen::Vector3d t;
-  Eigen::Vector3d center;               // world
-  std::vector<Eigen::Vector2d> points;  // [n] undistorted, px
-  std::vector<Eigen::Vector3d> rays;    // [n] from the centre through the point, world, length 1
+  Eigen::Vector3d center;  // world
+  // [n] undistorted, px; NaN where the lens puts no point: no match of such a feature is verified.
+  std::vector<Eigen::Vector2d> points;
+  std::vector<Eigen::Vector3d> rays;  // [n] from the centre through the point, world, length 1
   // [n] the first feature at the same place: SIFT gives a place with two orientations two features.
   std::vector<int> twin_of;
 

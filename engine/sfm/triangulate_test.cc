@@ -103,8 +103,20 @@ TEST(PhotoRays, PointsAreWhereALensWithoutDistortionHasThem) {
   const Eigen::Vector3d world(0.7, -0.4, 0.3);
   const Eigen::Vector2d seen = Seen(camera, lens, world), ideal = Seen(camera, {}, world);
   EXPECT_GT((seen - ideal).norm(), 0.1);
-  EXPECT_LT((UndistortPoint(camera, lens, seen) - ideal).norm(), 1e-6);
+  EXPECT_LT((UndistortPoint(camera, lens, seen).value() - ideal).norm(), 1e-6);
   EXPECT_EQ(UndistortPoint(camera, {}, seen), seen);
+}
+
+// The lens puts nothing farther out than 0.385 of the focal length, 135 px.
+TEST(PhotoRays, FeaturesWhereTheLensPutsNoPointAreNotMatched) {
+  const Distortion lens = {.k1 = -1};
+  const Camera first = CameraAt(0, 0), second = CameraAt(0.5, 0);
+  EXPECT_EQ(UndistortPoint(first, lens, {390, 150}), std::nullopt);
+  const std::vector<Eigen::Vector2d> features = {{390, 150}, {210, 150}};
+  const PhotoRays a(first, lens, features), b(second, lens, {{370, 150}, {200, 150}});
+  const auto verified = VerifyMatches(a, b, {{0, 0}, {1, 1}}, 4);
+  ASSERT_THAT(verified, SizeIs(1));
+  EXPECT_EQ(verified[0].feature1, 1);
 }
 
 TEST(PhotoRays, ASecondFeatureAtAPlaceIsATwinOfTheFirst) {
