@@ -1,5 +1,6 @@
 #include "engine/io/mask_io.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -29,17 +30,31 @@ absl::Status CheckFormat(const ImageInfo& info, std::string_view field) {
   return absl::OkStatus();
 }
 
-// The codes as they are in the file: to a profile's curve, 1 of 255 is as black as 0.
+// The codes as they are in the file: to a profile's curve, 1 of 255 is as black as 0. Alpha does
+// not count, but where colour masks nothing and alpha is not opaque, it is alpha that was meant.
 absl::StatusOr<PlaneU8> DecodeNotZero(std::string_view bytes, const ImageInfo& info,
                                       std::string_view field) {
   PlaneU8 mask;
+  bool opaque = true;
   const auto take = [&](const PngShape& shape, int y, const uint16_t* codes) {
     if (y == 0) mask = PlaneU8(shape.width, shape.height);
-    for (int i = 0; i < 3 * shape.width; ++i) {
-      if (codes[i] != 0) mask.data[size_t(y) * shape.width + i / 3] = kCounts;
+    const bool has_alpha = shape.channels % 2 == 0;
+    const int colors = shape.channels - (has_alpha ? 1 : 0);
+    for (int x = 0; x < shape.width; ++x, codes += shape.channels) {
+      const bool counts =
+          std::any_of(codes, codes + colors, [](uint16_t code) { return code != 0; });
+      mask.data[size_t(y) * shape.width + x] = counts ? kCounts : 0;
+      opaque = opaque && (!has_alpha || codes[colors] == shape.white);
     }
   };
-  LITAGS_RETURN_IF_ERROR(ReadPngCodes(bytes, PngChannels::kColor, field, take));
+  LITAGS_RETURN_IF_ERROR(ReadPngCodes(bytes, PngChannels::kAll, field, take));
+  if (!opaque && CountedPixels(mask, mask.data.size()) == mask.data.size()) {
+    return InvalidField(
+        "MASK_FORMAT", field,
+        "the mask's colours are nowhere 0, so all of the photo would count, but its "
+        "alpha channel is not opaque; save what it says as grey: 0 is what does not "
+        "count");
+  }
   return TurnUpright(std::move(mask), info.orientation);
 }
 

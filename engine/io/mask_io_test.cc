@@ -11,6 +11,7 @@
 #include "engine/core/mask.h"
 #include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
+#include "engine/io/png_codes.h"
 
 namespace litags {
 namespace {
@@ -65,6 +66,19 @@ TEST_F(MaskIo, AnyChannelThatIsNotZeroCounts) {
   const auto mask = DecodeMask(EncodePng(colors).value(), "masks[m.png]");
   ASSERT_TRUE(mask.ok()) << mask.status();
   EXPECT_EQ(mask->data, (std::vector<uint8_t>{kCounts, 0, kCounts}));
+}
+
+// As cut-outs are, whose alpha channel is the mask.
+TEST_F(MaskIo, AlphaDoesNotCountAndIsRefusedWhereColourMasksNothing) {
+  const auto png = [](uint8_t color, uint8_t alpha) {
+    const uint8_t codes[2][4] = {{200, 200, 200, 255}, {color, color, color, alpha}};
+    return EncodePngCodes(codes[0], 2, 1, 4).value();
+  };
+  const auto mask = DecodeMask(png(0, 0), "masks[m.png]");
+  ASSERT_TRUE(mask.ok()) << mask.status();
+  EXPECT_EQ(mask->data, (std::vector<uint8_t>{kCounts, 0}));
+  EXPECT_TRUE(DecodeMask(png(9, 255), "masks[m.png]").ok());
+  EXPECT_EQ(Reason(DecodeMask(png(9, 0), "masks[m.png]").status()), "MASK_FORMAT");
 }
 
 // As programs of segmentation write them: 1 is the smallest code, which a profile makes black.
