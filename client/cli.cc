@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <cstdio>
-#include <set>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -12,14 +11,6 @@
 
 namespace litags::client {
 namespace {
-
-// Codes other than INVALID_ARGUMENT that are answers to what the user gave.
-bool IsAboutInput(const std::string& reason) {
-  static const auto& reasons = *new std::set<std::string>{
-      "TOO_FEW_PHOTOS",    "IMAGE_TOO_LARGE",   "FILE_TOO_LARGE", "TOO_MANY_FILES",
-      "PICTURE_TOO_LARGE", "REQUEST_ID_REUSED", "JOB_TOO_LARGE",  "COLMAP_INCOMPLETE"};
-  return reasons.count(reason) > 0 || reason.starts_with("ARCHIVE_");
-}
 
 // The command that helps, where there is one; the service's messages know no commands.
 std::string NextStep(const std::string& reason, const std::string& job) {
@@ -67,25 +58,6 @@ std::string UnreachableText(const Session& session, const absl::Status& status) 
 }
 
 }  // namespace
-
-int ExitCodeOf(const absl::Status& status) {
-  switch (status.code()) {
-    case absl::StatusCode::kOk:
-      return kExitOk;
-    case absl::StatusCode::kCancelled:
-      return kExitInterrupted;
-    case absl::StatusCode::kInvalidArgument:
-    case absl::StatusCode::kOutOfRange:
-      return kExitBadInput;
-    case absl::StatusCode::kUnavailable:
-    case absl::StatusCode::kDeadlineExceeded:
-      return kExitUnreachable;
-    case absl::StatusCode::kNotFound:
-      return kExitNotFound;
-    default:
-      return IsAboutInput(DetailOf(status).reason()) ? kExitBadInput : kExitServerError;
-  }
-}
 
 absl::Status Session::Open() {
   auto channel = Connect(connection);

@@ -12,23 +12,10 @@
 #include "absl/status/status.h"
 #include "client/client.h"
 #include "client/connection.h"
+#include "client/exit_code.h"
 #include "client/interrupt.h"
 
 namespace litags::client {
-
-// Documented in --help.
-enum ExitCode : int {
-  kExitOk = 0,
-  kExitJobFailed = 1,
-  kExitBadInput = 2,
-  kExitUnreachable = 3,
-  kExitNotFound = 4,
-  kExitServerError = 5,
-  kExitInterrupted = 130,
-};
-
-// The exit code for an error of a call, by its code and reason.
-int ExitCodeOf(const absl::Status& status);
 
 // One run of the program.
 class Session {

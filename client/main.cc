@@ -21,7 +21,8 @@ JOB is jobs/ID or ID. Results go to stdout, everything else to stderr. litags --
 options of the connection, as --server.
 
 Exit codes: 0 ok; 1 the job failed or was cancelled; 2 bad usage or input; 3 no server answers;
-4 no such job or camera; 5 other errors of the server; 130 interrupted.
+4 no such job or camera; 5 other errors, as of a job whose state does not allow the command;
+130 interrupted.
 
   litags submit photos/ --watch
   litags render JOB --camera 0012.jpg -o view.png

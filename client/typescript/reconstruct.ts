@@ -17,6 +17,10 @@ if (!scene) {
   console.error("give PHOTOS VIEW.png SCENE.ply [ITERATIONS]");
   process.exit(1);
 }
+if (!scene.toLowerCase().endsWith(".ply")) {
+  console.error(`${scene}: this program writes PLY only; name it .ply`);
+  process.exit(1);
+}
 
 // The service's reason and field of an error, for programs.
 function detailOf(error: unknown) {

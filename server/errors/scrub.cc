@@ -1,6 +1,7 @@
 #include "server/errors/scrub.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "engine/core/error.h"
 
@@ -21,7 +22,17 @@ constexpr Plain kStoreMessages[] = {
      "what the server stores is damaged; its log says where, please tell the operator"},
     {"BLOBS_UNAVAILABLE", "the blob store is away; try again in a moment"},
     {"BLOBS_DENIED", "the blob store refuses the server; please tell the operator"},
+    {"STORE_NOT_OPENED", "the job store refuses the server; please tell the operator"},
 };
+
+// What is told of an error of a store; null of others.
+const Plain* OfStore(const absl::Status& status) {
+  const auto detail = GetErrorDetail(status);
+  const auto* found =
+      std::find_if(std::begin(kStoreMessages), std::end(kStoreMessages),
+                   [&](const Plain& plain) { return detail && detail->reason == plain.reason; });
+  return found == std::end(kStoreMessages) ? nullptr : found;
+}
 
 // Paths begin a word, or stand in quotes or brackets. In "images[/a/b.jpg]" the name is the
 // client's own.
@@ -54,13 +65,17 @@ std::string WithoutPaths(std::string_view text) {
 }
 
 std::string MessageForClients(const absl::Status& status) {
-  const auto detail = GetErrorDetail(status);
-  for (const Plain& plain : kStoreMessages) {
-    if (detail && detail->reason == plain.reason) return std::string(plain.message);
-  }
+  if (const Plain* plain = OfStore(status)) return std::string(plain->message);
   // What is wrong with an input is said in the client's own words, as of a file in an archive.
   if (absl::IsInvalidArgument(status)) return std::string(status.message());
   return WithoutPaths(std::string(status.message()));
+}
+
+ErrorDetail DetailForClients(const absl::Status& status) {
+  ErrorDetail detail =
+      GetErrorDetail(status).value_or(ErrorDetail{absl::StatusCodeToString(status.code()), ""});
+  if (OfStore(status) != nullptr) detail.field.clear();
+  return detail;
 }
 
 }  // namespace litags

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "absl/status/status.h"
+#include "engine/core/error.h"
 
 namespace litags {
 
@@ -16,6 +17,10 @@ std::string WithoutPaths(std::string_view text);
 // What a client reads as the message of `status`: without paths, and of a store that is away or
 // damaged only so much, without addresses and what its library says.
 std::string MessageForClients(const absl::Status& status);
+
+// The reason, or the code's name, and the field of the request. What is wrong with a store, as
+// "blobs", is no field of any.
+ErrorDetail DetailForClients(const absl::Status& status);
 
 }  // namespace litags
 

@@ -35,5 +35,17 @@ TEST(Scrub, SaysOfAStoreNoMoreThanThatItIsAway) {
   EXPECT_NE(shown.find("nothing was changed"), std::string::npos) << shown;
 }
 
+TEST(Scrub, AStoreIsNoFieldOfTheRequest) {
+  constexpr auto kCode = absl::StatusCode::kFailedPrecondition;
+  for (const char* reason : {"BLOBS_DENIED", "STORE_NOT_OPENED"}) {
+    const absl::Status denied = MakeError(kCode, reason, "blobs", "at 10.0.0.5");
+    EXPECT_EQ(DetailForClients(denied).reason, reason);
+    EXPECT_EQ(DetailForClients(denied).field, "");
+    EXPECT_EQ(MessageForClients(denied).find("10.0.0.5"), std::string::npos);
+  }
+  EXPECT_EQ(DetailForClients(MakeError(kCode, "VIDEO_NOT_ALONE", "videos", "")).field, "videos");
+  EXPECT_EQ(DetailForClients(absl::InternalError("")).reason, "INTERNAL");
+}
+
 }  // namespace
 }  // namespace litags

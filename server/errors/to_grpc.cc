@@ -79,8 +79,7 @@ grpc::Status ToGrpc(const absl::Status& status) {
   if (status.ok()) return grpc::Status::OK;
   const auto code = static_cast<grpc::StatusCode>(status.code());
   const std::string message = Utf8Prefix(MessageForClients(status), kMaxMessageBytes);
-  ErrorDetail detail =
-      GetErrorDetail(status).value_or(ErrorDetail{absl::StatusCodeToString(status.code()), ""});
+  ErrorDetail detail = DetailForClients(status);
   detail.field = Utf8Prefix(detail.field, kMaxDetailBytes);
   if (code == grpc::INTERNAL || code == grpc::UNKNOWN) {
     spdlog::error("{} ({})", std::string(status.message()), detail.reason);

@@ -24,14 +24,15 @@ class Lost(Exception):
 
 class Program:
     """Mixed into a ServiceTest. `command`: the program, without arguments; `option`: what stands
-    before the number of iterations."""
+    before the number of iterations; `scene_name`: of the file that it writes."""
 
     command = ()
     option = ()
+    scene_name = "scene.ply"
 
     def start(self, photos, address, iterations, **environment):
         self.picture = pathlib.Path(self.folder, "view.png")
-        self.scene = pathlib.Path(self.folder, "scene.ply")
+        self.scene = pathlib.Path(self.folder, self.scene_name)
         return subprocess.Popen(
             [*map(str, self.command), photos, self.picture, self.scene, *self.option,
              str(iterations)],
@@ -211,6 +212,13 @@ class Refused(Program):
         _, err = self.run_program(self.photos(("a.png", "b.png")), self.server.address, 20,
                                   exit_code=1)
         self.assertIn("TOO_FEW_PHOTOS", err)
+        self.assertEqual(self.states(), before)
+
+    def test_a_scene_of_an_ending_that_it_cannot_write_is_refused_before_there_is_a_job(self):
+        before = self.states()
+        self.scene_name = "scene.splatt"
+        _, err = self.run_program(self.photos(), self.server.address, 20, exit_code=1)
+        self.assertIn("scene.splatt", err)
         self.assertEqual(self.states(), before)
 
     def test_a_folder_that_is_not_there_is_named_in_a_line(self):

@@ -136,7 +136,7 @@ class Pictures(harness.ServiceTest):
         told = subprocess.run([alone, "path", "jobs/1", "--orbit", "--video", self.path("v.webm")],
                               env=environment, stderr=subprocess.PIPE, text=True,
                               timeout=harness.PATIENCE_S)
-        self.assertEqual(told.returncode, 5, told.stderr)
+        self.assertEqual(told.returncode, 2, told.stderr)
         self.assertIn("VIDEO_PROGRAM_MISSING", told.stderr)
         self.assertEqual(os.listdir(self.folder), ["litags"])
 

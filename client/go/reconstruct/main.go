@@ -259,6 +259,9 @@ func main() {
 		log.Fatalln("give PHOTOS VIEW.png SCENE.ply [ITERATIONS]")
 	}
 	folder, picture, scene := os.Args[1], os.Args[2], os.Args[3]
+	if !strings.HasSuffix(strings.ToLower(scene), ".ply") {
+		log.Fatalf("%s: this program writes PLY only; name it .ply", scene)
+	}
 	options := &pb.JobOptions{} // what is not set is the server's default
 	if len(os.Args) > 4 {
 		options.Iterations = proto.Int32(int32(must(strconv.Atoi(os.Args[4]))))
