@@ -127,7 +127,9 @@ struct Recipe {
   // every photo was seen densify_epochs times if that is later, at most until 0.7 of the run.
   int densify_until = 5000;
   double densify_epochs = 0;
-  double densify_grad = 2e-4;     // least score to grow, in units of half the image or crop; 3DGS
+  // Least score to grow, in units of half the larger side of the image or crop; 3DGS has the
+  // number, in units of half of each axis' own side.
+  double densify_grad = 2e-4;
   double densify_percent = 0.01;  // of the extent: larger Gaussians are split, smaller cloned; 3DGS
   double prune_opacity = 0.005;   // 3DGS
   // Largest scale, in distances from the mean to the nearest camera; larger ones are cut to it at

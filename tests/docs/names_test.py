@@ -10,8 +10,9 @@ import unittest
 from links_test import FOLDERS, SOURCE, pages, without_code
 
 BUILD = pathlib.Path(os.environ["LITAGS_BIN"]).parent
-# `module/Suite.Case`, `Suite.Begins...`, `Suite.*`; a call of the API is none.
-TEST = re.compile(r"([a-z_]+/)*[A-Z]\w*[a-z]\w*(/\w+)?\.([A-Z*][\w*]*(\.\.\.)?)")
+# `module/Suite.Case`, `Suite.Begins...`, `Suite.*`, `module/Suite*`; a call of the API is none.
+TEST = re.compile(r"([a-z_]+/)*[A-Z]\w*[a-z]\w*(/\w+)?\.([A-Z*][\w*]*(\.\.\.)?)"
+                  r"|([a-z_]+/)+[A-Z]\w*\*")
 FILE = re.compile(rf"({'|'.join(FOLDERS)})/[\w./-]+\.\w+")
 
 
