@@ -17,6 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int64_t kMaxNoteBytes = 64 << 10;
+// Of a video's frames: so many that are damaged are told. A cut leaves a few that need others.
+constexpr double kNotableDamage = 0.02;
 
 // Tells videos apart by length, head and tail: reading gigabytes twice takes longer than looking
 // at the frames of most videos.
@@ -46,6 +48,13 @@ std::string Describe(const std::string& name, const PickedFrames& picked) {
   if (picked.whole_seconds > 0) {
     absl::StrAppendFormat(&text, "; the file should last %.1f s: its end is missing",
                           picked.whole_seconds);
+  }
+  const double all = picked.frames + static_cast<double>(picked.damaged);
+  if (static_cast<double>(picked.damaged) > kNotableDamage * all) {
+    absl::StrAppendFormat(&text,
+                          "; %d frames more are damaged and were passed over: copy the video from "
+                          "the camera again",
+                          picked.damaged);
   }
   return text;
 }

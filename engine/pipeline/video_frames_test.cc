@@ -98,6 +98,27 @@ TEST_F(VideoFrames, AMissingEndIsNoted) {
   EXPECT_THAT(notes_, ElementsAre(HasSubstr("the file should last 8.0 s: its end is missing")));
 }
 
+TEST_F(VideoFrames, DamagedOnesAreNotedWhereTheyAreMany) {
+  TestVideo options;
+  options.codec = "mjpeg";
+  options.pixels = "yuvj420p";
+  std::string bytes = EncodeVideo(WalkFrames(160, 90, 120, 2), options);
+  const auto damage = [&](double from, double to) {
+    for (auto i = static_cast<size_t>(from * bytes.size()); i < to * bytes.size(); i += 7) {
+      bytes[i] ^= 0x5a;
+    }
+    Write(bytes);
+  };
+  damage(0.5, 0.501);
+  ASSERT_TRUE(Pick().ok());
+  EXPECT_THAT(notes_, ElementsAre(Not(HasSubstr("damaged"))));
+  damage(0.6, 0.7);
+  ASSERT_TRUE(Pick().ok());
+  EXPECT_THAT(
+      notes_,
+      ElementsAre(testing::ContainsRegex("; [0-9]+ frames more are damaged and were passed over")));
+}
+
 // Matroska states the length of its longest stream.
 TEST_F(VideoFrames, SoundThatLastsLongerIsNoMissingEnd) {
   TestVideo options;

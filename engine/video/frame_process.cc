@@ -27,6 +27,7 @@
 #include "engine/core/unique_fd.h"
 #include "engine/core/utf8.h"
 #include "engine/io/file_util.h"
+#include "engine/video/video_file.h"
 
 namespace litags {
 namespace {
@@ -37,7 +38,8 @@ constexpr int kProcessorSeconds = 2 * 3600;
 constexpr size_t kMaxMessageBytes = 2048;
 
 // A line of the process's output: what it is, and the rest.
-//   progress TEXT    frame BYTES    done FRAMES CHOSEN SECONDS WHOLE     error CODE REASON MESSAGE
+//   progress TEXT    frame BYTES    error CODE REASON MESSAGE
+//   done FRAMES CHOSEN SECONDS WHOLE DAMAGED
 // The bytes of frames go to the file that is its stdin, one after the other.
 constexpr absl::string_view kProgress = "progress", kFrame = "frame", kDone = "done",
                             kError = "error";
@@ -63,12 +65,6 @@ std::string ErrorLine(const absl::Status& status) {
   return absl::StrCat(kError, " ", status.raw_code(), " ",
                       detail.reason.empty() ? "VIDEO_CORRUPT" : detail.reason, " ",
                       WithoutControls(std::string(status.message())));
-}
-
-absl::Status TooCostly(const std::string& field, const char* what) {
-  return InvalidInput("VIDEO_TOO_COSTLY", field,
-                      absl::StrCat(field, ": reading it takes more ", what,
-                                   " than a video may; make it shorter or smaller"));
 }
 
 [[noreturn]] void EndWith(const std::string& line) {
@@ -148,8 +144,8 @@ int PickFramesMain(const std::string& path, const std::string& field, int most) 
   const auto file = MappedFile::Open(path, field);
   if (!file.ok()) EndWith(ErrorLine(file.status()));
   cv::setNumThreads(1);
-  no_memory_line = ErrorLine(TooCostly(field, "memory")) + "\n";
-  no_time_line = ErrorLine(TooCostly(field, "time")) + "\n";
+  no_memory_line = ErrorLine(VideoTooCostly(field, "memory")) + "\n";
+  no_time_line = ErrorLine(VideoTooCostly(field, "time")) + "\n";
   std::set_new_handler([] { EndFromHandler(no_memory_line); });
   signal(SIGXCPU, [](int) { EndFromHandler(no_time_line); });
   signal(SIGXFSZ, SIG_IGN);  // write() says so
@@ -175,8 +171,8 @@ int PickFramesMain(const std::string& path, const std::string& field, int most) 
         return absl::OkStatus();
       });
   if (!picked.ok()) EndWith(ErrorLine(picked.status()));
-  EndWith(absl::StrFormat("%s %d %d %.3f %.3f", kDone, picked->frames, picked->chosen,
-                          picked->seconds, picked->whole_seconds));
+  EndWith(absl::StrFormat("%s %d %d %.3f %.3f %d", kDone, picked->frames, picked->chosen,
+                          picked->seconds, picked->whole_seconds, picked->damaged));
 }
 
 // Numbers the frames and writes them.
@@ -264,19 +260,21 @@ class Listener {
                            });
     int code = 0;
     const bool known =
-        absl::SimpleAtoi(words[1], &code) && (code == int(absl::StatusCode::kResourceExhausted) ||
-                                              code == int(absl::StatusCode::kNotFound));
+        absl::SimpleAtoi(words[1], &code) &&
+        (code == int(absl::StatusCode::kResourceExhausted) ||
+         code == int(absl::StatusCode::kNotFound) || code == int(absl::StatusCode::kInternal));
     return MakeError(
         known ? static_cast<absl::StatusCode>(code) : absl::StatusCode::kInvalidArgument,
         is_reason ? words[2] : "VIDEO_CORRUPT", field_, words[3]);
   }
 
   void HearDone(const std::vector<std::string>& words) {
-    const std::vector<std::string> seconds = absl::StrSplit(words[3], ' ');
-    done_ = seconds.size() == 2 && absl::SimpleAtoi(words[1], &picked_.frames) &&
+    const std::vector<std::string> more = absl::StrSplit(words[3], ' ');
+    done_ = more.size() == 3 && absl::SimpleAtoi(words[1], &picked_.frames) &&
             absl::SimpleAtoi(words[2], &picked_.chosen) &&
-            absl::SimpleAtod(seconds[0], &picked_.seconds) &&
-            absl::SimpleAtod(seconds[1], &picked_.whole_seconds);
+            absl::SimpleAtod(more[0], &picked_.seconds) &&
+            absl::SimpleAtod(more[1], &picked_.whole_seconds) &&
+            absl::SimpleAtoi(more[2], &picked_.damaged);
   }
 
   static constexpr size_t kMaxReasonBytes = 64;

@@ -85,12 +85,22 @@ TEST_F(FrameProcess, ErrorsComeThrough) {
   EXPECT_THAT(std::string(odd.status().message()), HasSubstr("videos[a b .mov]: is no video"));
 }
 
+// The file is not to blame for what fails here.
+TEST_F(FrameProcess, AnInternalErrorStaysOne) {
+  const auto picked = Pick("a video", {"/bin/sh", "-c", "echo error 13 IO_ERROR the disk failed"});
+  EXPECT_EQ(picked.status().code(), absl::StatusCode::kInternal);
+  EXPECT_EQ(Reason(picked.status()), "IO_ERROR");
+  EXPECT_EQ(picked.status().message(), "the disk failed");
+  const auto odd = Pick("a video", {"/bin/sh", "-c", "echo error 7 VIDEO_CORRUPT no permission"});
+  EXPECT_EQ(odd.status().code(), absl::StatusCode::kInvalidArgument);
+}
+
 TEST_F(FrameProcess, OneThatSaysNothingOrLiesGivesAnError) {
   const std::string video = EncodeVideo(WalkFrames(96, 64, 12, 3), {});
   EXPECT_EQ(Reason(Pick(video, {"/bin/true"}).status()), "VIDEO_CORRUPT");
   EXPECT_EQ(Reason(Pick(video, {"/bin/sh", "-c", "kill -SEGV $$"}).status()), "VIDEO_CORRUPT");
   for (const char* lie : {"frame 99", "frame -1", "frame 99999999999", "frame x", "progress",
-                          "error 3 reason", "error 3 rm-rf x", "done 1 2 x"}) {
+                          "error 3 reason", "error 3 rm-rf x", "done 1 2 x", "done 1 2 3.0 0.0"}) {
     EXPECT_EQ(Reason(Pick(video, {"/bin/sh", "-c", std::string("echo ") + lie}).status()),
               "VIDEO_CORRUPT")
         << lie;

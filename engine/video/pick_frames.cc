@@ -63,6 +63,7 @@ absl::StatusOr<PickedFrames> PickFrames(std::string_view bytes, const std::strin
   {
     LITAGS_ASSIGN_OR_RETURN(const auto video, VideoFile::Open(bytes, field));
     LITAGS_ASSIGN_OR_RETURN(const auto facts, LookAtAll(*video, cancel, reporter, &report));
+    report.damaged = video->DamagedFrames();
     report.whole_seconds = video->WholeSeconds();
     chosen = ChooseFrames(facts, most);
   }

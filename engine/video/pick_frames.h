@@ -2,6 +2,7 @@
 #ifndef LITAGS_ENGINE_VIDEO_PICK_FRAMES_H_
 #define LITAGS_ENGINE_VIDEO_PICK_FRAMES_H_
 
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <string_view>
@@ -14,7 +15,8 @@ namespace litags {
 
 // What became of a video.
 struct PickedFrames {
-  int frames = 0;            // that it has
+  int frames = 0;            // that it has, without damaged ones
+  int64_t damaged = 0;       // that were passed over
   int chosen = 0;            // of them
   double seconds = 0;        // from the first to the last
   double whole_seconds = 0;  // that it should last if its end is missing; else 0

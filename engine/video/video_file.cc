@@ -111,18 +111,21 @@ class RealVideoFile : public VideoFile {
     return there < kShareThatIsThere * info_.seconds - kSecondsToSpare ? info_.seconds : 0;
   }
 
+  int64_t DamagedFrames() const override { return damaged_; }
+
   absl::StatusOr<bool> Next() override {
     for (;;) {
       const int got = avcodec_receive_frame(codec_.get(), frame_.get());
-      if (got == AVERROR_EOF) return End();
+      if (got == AVERROR_EOF || damaged_ > limits_.max_frames) return End();
       if (got == AVERROR(EAGAIN)) {
         LITAGS_RETURN_IF_ERROR(Feed());
         continue;
       }
+      LITAGS_RETURN_IF_ERROR(CheckMemory(got));
       const bool whole = got >= 0 && frame_->decode_error_flags == 0 &&
                          (frame_->flags & AV_FRAME_FLAG_CORRUPT) == 0;
       if (!whole) {
-        if (++damaged_ > limits_.max_frames) return End();
+        ++damaged_;
         continue;
       }
       LITAGS_RETURN_IF_ERROR(CheckFrame());
@@ -152,6 +155,17 @@ class RealVideoFile : public VideoFile {
                                "program"));
   }
 
+  // Of what FFmpeg gives back. Its other errors are all of what is in the file: damage makes it say
+  // EINVAL, EPERM and ENOSYS, too. Its bytes come from memory: none is of reading.
+  absl::Status CheckMemory(int result) const {
+    return result == AVERROR(ENOMEM) ? VideoTooCostly(field_, "memory") : absl::OkStatus();
+  }
+
+  absl::Status CheckOpened(int result, std::string_view what) const {
+    LITAGS_RETURN_IF_ERROR(CheckMemory(result));
+    return result < 0 ? Corrupt(what) : absl::OkStatus();
+  }
+
   absl::Status OpenContainer() {
     if (!IsVideo(memory_.bytes)) {
       return Refuse("VIDEO_NOT_RECOGNIZED",
@@ -161,7 +175,7 @@ class RealVideoFile : public VideoFile {
     io_.reset(avio_alloc_context(static_cast<uint8_t*>(av_malloc(kIoBytes)), kIoBytes, 0, &memory_,
                                  ReadMemory, nullptr, SeekMemory));
     AVFormatContext* format = avformat_alloc_context();
-    if (io_ == nullptr || format == nullptr) return Corrupt("there is no memory to read it");
+    if (io_ == nullptr || format == nullptr) return VideoTooCostly(field_, "memory");
     format->pb = io_.get();
     format->flags |= AVFMT_FLAG_CUSTOM_IO;
     format->format_whitelist = av_strdup(kContainers);
@@ -169,14 +183,12 @@ class RealVideoFile : public VideoFile {
     format->io_open = OpenNothing;
     format->probesize = kProbeBytes;
     format->max_analyze_duration = kAnalyzeMicroseconds;
-    if (avformat_open_input(&format, nullptr, nullptr, nullptr) < 0) {  // frees it
-      return Corrupt("is damaged or ends early: its table of contents cannot be read");
-    }
+    LITAGS_RETURN_IF_ERROR(
+        CheckOpened(avformat_open_input(&format, nullptr, nullptr, nullptr),  // or frees it
+                    "is damaged or ends early: its table of contents cannot be read"));
     format_.reset(format);
-    if (avformat_find_stream_info(format, nullptr) < 0) {
-      return Corrupt("is damaged or ends early: nothing of it can be decoded");
-    }
-    return absl::OkStatus();
+    return CheckOpened(avformat_find_stream_info(format, nullptr),
+                       "is damaged or ends early: nothing of it can be decoded");
   }
 
   absl::Status ChooseStream() {
@@ -278,16 +290,14 @@ class RealVideoFile : public VideoFile {
     packet_.reset(av_packet_alloc());
     frame_.reset(av_frame_alloc());
     if (codec_ == nullptr || packet_ == nullptr || frame_ == nullptr) {
-      return Corrupt("there is no memory to read it");
+      return VideoTooCostly(field_, "memory");
     }
     avcodec_parameters_to_context(codec_.get(), &params);
     codec_->thread_count = 1;
     codec_->max_pixels = limits_.max_pixels;
     codec_->pkt_timebase = stream_->time_base;
-    if (avcodec_open2(codec_.get(), decoder, nullptr) < 0) {
-      return Corrupt("is damaged: its pictures cannot be decoded");
-    }
-    return absl::OkStatus();
+    return CheckOpened(avcodec_open2(codec_.get(), decoder, nullptr),
+                       "is damaged: its pictures cannot be decoded");
   }
 
   absl::Status Unsupported(const std::string& what, const char* remedy = kToH264) const {
@@ -298,18 +308,27 @@ class RealVideoFile : public VideoFile {
   absl::Status Feed() {
     for (;;) {
       const int read = av_read_frame(format_.get(), packet_.get());
-      if (read < 0) {
-        avcodec_send_packet(codec_.get(), nullptr);
-        return absl::OkStatus();
-      }
+      LITAGS_RETURN_IF_ERROR(CheckMemory(read));
+      if (read < 0) return Send(nullptr);  // damage that cannot be read past ends it, too
       NoteEndOfPacket();
       const bool ours = packet_->stream_index == stream_->index;
       packets_ += ours;
       if (packets_ > kPacketsAFrame * limits_.max_frames) return CheckLength(0, packets_);
-      if (ours) avcodec_send_packet(codec_.get(), packet_.get());  // a damaged one gives no frame
+      if (ours) {
+        const absl::Status sent = Send(packet_.get());
+        av_packet_unref(packet_.get());
+        return sent;
+      }
       av_packet_unref(packet_.get());
-      if (ours) return absl::OkStatus();
     }
+  }
+
+  // To the decoder, which decodes then already; null: there are no more.
+  absl::Status Send(const AVPacket* packet) {
+    const int sent = avcodec_send_packet(codec_.get(), packet);
+    LITAGS_RETURN_IF_ERROR(CheckMemory(sent));
+    damaged_ += sent < 0;
+    return absl::OkStatus();
   }
 
   void NoteEndOfPacket() {
@@ -386,6 +405,12 @@ constexpr std::string_view kEndings[] = {".mp4",  ".mov", ".m4v", ".3gp",  ".mkv
                                          ".webm", ".avi", ".mts", ".m2ts", ".ts"};
 
 }  // namespace
+
+absl::Status VideoTooCostly(const std::string& field, const char* what) {
+  return InvalidInput("VIDEO_TOO_COSTLY", field,
+                      absl::StrCat(field, ": reading it takes more ", what,
+                                   " than a video may; make it shorter or smaller"));
+}
 
 bool IsVideoName(std::string_view name) {
   const std::string lower = absl::AsciiStrToLower({name.data(), name.size()});

@@ -33,6 +33,9 @@ struct VideoInfo {
 
 bool IsVideoName(std::string_view name);
 
+// INVALID_ARGUMENT (VIDEO_TOO_COSTLY): reading the video takes more of `what`, memory or time.
+absl::Status VideoTooCostly(const std::string& field, const char* what);
+
 // By its first bytes: of a container that is read. Photos of HEIC and AVIF are none.
 bool IsVideo(std::string_view bytes);
 
@@ -40,7 +43,8 @@ bool IsVideo(std::string_view bytes);
 // Motion JPEG or ProRes. Errors are INVALID_ARGUMENT, start with `field`, and carry one of
 // these reasons: VIDEO_NOT_RECOGNIZED, VIDEO_CORRUPT (ends before its table of contents, or cannot
 // be decoded), VIDEO_WITHOUT_PICTURES (sound only), VIDEO_UNSUPPORTED (codec, PQ, interlaced, parts
-// of a sphere; by name), VIDEO_TOO_LARGE (a frame), VIDEO_TOO_LONG. Not thread-safe.
+// of a sphere; by name), VIDEO_TOO_LARGE (a frame), VIDEO_TOO_LONG, VIDEO_TOO_COSTLY (there is no
+// memory for it). Not thread-safe.
 class VideoFile {
  public:
   // `bytes` must outlive the file.
@@ -53,6 +57,9 @@ class VideoFile {
 
   // Goes on to the next frame that is whole; false behind the last one.
   virtual absl::StatusOr<bool> Next() = 0;
+
+  // How many frames that are damaged it has passed over so far.
+  virtual int64_t DamagedFrames() const = 0;
 
   // Behind the last frame: how long a file should last whose end is missing; else 0.
   virtual double WholeSeconds() const = 0;

@@ -3,6 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+extern "C" {
+#include <libavutil/mem.h>
+}
+
 #include <cmath>
 
 #include "engine/core/error_test_util.h"
@@ -48,6 +52,21 @@ absl::Status StatusOf(const std::string& bytes, const VideoLimits& limits = {}) 
     const auto more = (*file)->Next();
     if (!more.ok() || !*more) return more.status();
   }
+}
+
+struct FrameCounts {
+  int whole = 0;
+  int64_t damaged = 0;
+};
+
+FrameCounts CountFrames(const std::string& bytes) {
+  const auto file = VideoFile::Open(bytes, "videos[v]");
+  EXPECT_TRUE(file.ok()) << file.status();
+  FrameCounts counts;
+  if (!file.ok()) return counts;
+  while ((*file)->Next().value_or(false)) ++counts.whole;
+  counts.damaged = (*file)->DamagedFrames();
+  return counts;
 }
 
 Photo FirstPicture(const std::string& bytes) {
@@ -302,6 +321,40 @@ TEST(BadVideo, TruncatedOnesAreRefusedOrGiveTheFramesThatCame) {
   while (*(*file)->Next()) ++came;
   EXPECT_GT(came, 10);
   EXPECT_LT(came, 50);
+}
+
+// Decoders say so of the frame or of the packet. MP4 tells where each packet lies.
+TEST(BadVideo, DamagedFramesArePassedOverAndCounted) {
+  for (const TestVideo& options :
+       {Of("mov", "libx264"), Of("mov", "mjpeg", "yuvj420p"), Of("mp4", "libsvtav1")}) {
+    SCOPED_TRACE(options.codec);
+    std::string bytes = EncodeVideo(WalkFrames(kWidth, kHeight, 60, 1), options);
+    if (bytes.empty()) continue;  // this FFmpeg does not write it
+    EXPECT_EQ(CountFrames(bytes).damaged, 0);
+    for (size_t i = bytes.size() / 2; i < bytes.size() * 3 / 5; i += 7) bytes[i] ^= 0x5a;
+    const FrameCounts counts = CountFrames(bytes);
+    EXPECT_GE(counts.damaged, 3);
+    EXPECT_GE(counts.whole, 20);
+  }
+}
+
+// The file is not damaged, and frames must not be missing without a word. (H.264's decoder says
+// that its data are invalid.)
+TEST(BadVideo, WithoutMemoryItIsNotCalledDamaged) {
+  for (const TestVideo& options :
+       {Of("mov", "prores_ks", "yuv422p10le"), With(Of("webm", "libvpx"), &TestVideo::bt601)}) {
+    SCOPED_TRACE(options.codec);
+    const std::string bytes = Video(Flat(9, 9, 9), options);
+    if (bytes.empty()) continue;  // this FFmpeg does not write it
+    const auto file = VideoFile::Open(bytes, "videos[v]");
+    ASSERT_TRUE(file.ok()) << file.status();
+    av_max_alloc(1000);
+    const absl::StatusOr<bool> next = (*file)->Next();
+    EXPECT_EQ(Reason(next.status()), "VIDEO_TOO_COSTLY") << next.status();
+    EXPECT_THAT(std::string(next.status().message()),
+                HasSubstr("videos[v]: reading it takes more memory than a video may"));
+    EXPECT_EQ(StatusOf(bytes), absl::OkStatus());  // Open() sets the limit again
+  }
 }
 
 TEST(BadVideo, DamagedOnesEndOrGiveFrames) {
