@@ -4,8 +4,8 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -113,12 +113,15 @@ absl::StatusOr<ImageU8> RenderPicture(const Scene& scene, const View& view, int 
   return ToImageU8(color);
 }
 
-std::vector<std::string> ViewStems(const Scene& scene) {
-  std::set<std::string> taken;
+std::vector<std::string> PictureStems(const std::vector<std::string>& names) {
+  std::map<std::string, int> uses;  // a stem must be no other picture's name, either
+  for (const std::string& name : names) {
+    ++uses[Stem(name)];
+    ++uses[name];
+  }
   std::vector<std::string> stems;
-  for (const View& view : scene.views()) {
-    const bool first = taken.insert(Stem(view.name)).second;
-    stems.push_back(first ? Stem(view.name) : view.name);
+  for (const std::string& name : names) {
+    stems.push_back(uses[Stem(name)] == 1 ? Stem(name) : name);
   }
   return stems;
 }
@@ -126,7 +129,7 @@ std::vector<std::string> ViewStems(const Scene& scene) {
 absl::Status WriteViews(const Scene& scene, const std::string& dir, int threads) {
   std::error_code ignored;  // writing reports what matters
   fs::create_directories(dir, ignored);
-  const std::vector<std::string> stems = ViewStems(scene);
+  const std::vector<std::string> stems = PictureStems(NamesOf(scene.views()));
   for (size_t i = 0; i < stems.size(); ++i) {
     LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, RenderPicture(scene, scene.views()[i], threads));
     LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(dir, "/", stems[i], ".png"), picture));
@@ -140,13 +143,13 @@ absl::StatusOr<Scores> ScoreScene(const Scene& scene, const std::vector<TestView
   std::error_code ignored;  // writing reports what matters
   if (!pictures_dir.empty()) fs::create_directories(pictures_dir, ignored);
   Scorer scorer(truth_dir);
-  for (const TestView& view : views) {
-    LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, RenderPicture(scene, view.view, threads));
+  const std::vector<std::string> stems = PictureStems(NamesOf(views));
+  for (size_t i = 0; i < views.size(); ++i) {
+    LITAGS_ASSIGN_OR_RETURN(const ImageU8 picture, RenderPicture(scene, views[i].view, threads));
     if (!pictures_dir.empty()) {
-      LITAGS_RETURN_IF_ERROR(
-          WritePng(absl::StrCat(pictures_dir, "/", Stem(view.view.name), ".png"), picture));
+      LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(pictures_dir, "/", stems[i], ".png"), picture));
     }
-    LITAGS_RETURN_IF_ERROR(scorer.Add(view, picture));
+    LITAGS_RETURN_IF_ERROR(scorer.Add(views[i], picture));
   }
   return scorer.Finish();
 }

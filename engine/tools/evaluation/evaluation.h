@@ -52,15 +52,16 @@ class Scorer {
 // The normal-lit render of a view, as bytes.
 absl::StatusOr<ImageU8> RenderPicture(const Scene& scene, const View& view, int threads);
 
-// What pictures of the scene's own cameras are called: <stem>, or <name> for the second photo of a
-// stem.
-std::vector<std::string> ViewStems(const Scene& scene);
+// What pictures of photos are called, without their ending: <stem>, or <name> where another photo
+// has the stem, too.
+std::vector<std::string> PictureStems(const std::vector<std::string>& names);
 
-// Normal-lit renders of those cameras at the size that it was trained at: `dir`/<ViewStems>.png.
+// Normal-lit renders of the scene's own cameras at the size that it was trained at:
+// `dir`/<PictureStems>.png.
 absl::Status WriteViews(const Scene& scene, const std::string& dir, int threads);
 
-// Normal-lit renders of `views`, each also written to `pictures_dir`/<stem>.png unless that is
-// empty.
+// Normal-lit renders of `views`, each also written to `pictures_dir`/<PictureStems>.png unless that
+// is empty.
 absl::StatusOr<Scores> ScoreScene(const Scene& scene, const std::vector<TestView>& views,
                                   const std::string& truth_dir, const std::string& pictures_dir,
                                   int threads);

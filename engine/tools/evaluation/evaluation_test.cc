@@ -261,7 +261,7 @@ TEST_F(EvaluationTest, APhotoBelowHalfACodeIsBrightened) {
   EXPECT_THAT(black, testing::ElementsAre("a.png"));
 }
 
-// Sees the same distance everywhere.
+// Sees the same distance and colour everywhere.
 class FlatScene : public Scene {
  public:
   explicit FlatScene(float depth, std::vector<View> views = {})
@@ -273,10 +273,10 @@ class FlatScene : public Scene {
   std::array<double, 3> up() const override { return {0, 1, 0}; }
   double radius() const override { return 1; }
   absl::StatusOr<Planes> Render(const RenderRequest& request) const override {
-    EXPECT_EQ(request.channel, Channel::kDepth);
-    Planes depth(1, request.camera.height, request.camera.width);
-    std::fill(depth.data.begin(), depth.data.end(), depth_);
-    return depth;
+    const int channels = request.channel == Channel::kDepth ? 1 : 3;
+    Planes planes(channels, request.camera.height, request.camera.width);
+    std::fill(planes.data.begin(), planes.data.end(), depth_);
+    return planes;
   }
   absl::StatusOr<int64_t> Export(const std::string&, const ExportRequest&) const override {
     return 0;
@@ -288,6 +288,26 @@ class FlatScene : public Scene {
   float depth_;
   std::vector<View> views_;
 };
+
+TEST_F(EvaluationTest, PhotosOfOneStemHavePicturesOfTheirOwn) {
+  EXPECT_THAT(PictureStems({"a.jpg", "a.png", "b.png", "c"}),
+              testing::ElementsAre("a.jpg", "a.png", "b", "c"));
+  EXPECT_THAT(PictureStems({"a.jpg", "a.png", "a.png.jpg"}),
+              testing::ElementsAre("a.jpg", "a.png", "a.png.jpg"));
+  std::vector<TestView> views;
+  for (const char* name : {"a.jpg", "a.png", "b.png"}) {
+    ASSERT_TRUE(WritePng(dir_ + "/truth/" + name, Ramp(0)).ok());
+    views.push_back(Named(name));
+    views.back().view.camera = {.width = 32, .height = 24, .fx = 30, .fy = 30, .cx = 16, .cy = 12};
+  }
+  const std::string pictures = dir_ + "/pictures";
+  const auto scores = ScoreScene(FlatScene(0.5), views, dir_ + "/truth", pictures, 1);
+  ASSERT_TRUE(scores.ok()) << scores.status();
+  EXPECT_EQ(scores->views.size(), 3u);
+  for (const char* name : {"a.jpg.png", "a.png.png", "b.png"}) {
+    EXPECT_TRUE(std::filesystem::exists(pictures + "/" + name)) << name;
+  }
+}
 
 TEST_F(EvaluationTest, DepthIsComparedWhereTheTruthIsKnown) {
   TestView view = Named("a.png"), bent = Named("b.png"), other = Named("c.png");

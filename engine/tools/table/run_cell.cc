@@ -27,8 +27,8 @@ namespace fs = std::filesystem;
 
 constexpr int kErrorGain = 4;  // of error pictures: a difference of a quarter is white
 
-// Enhances the training photos into `out`/STEM.png. Their masks, those of alpha channels and bars
-// too, go into `out`/masks. Returns the seconds that it took, but for finding these.
+// Enhances the training photos into `out`/<PictureStems>.png. Their masks, those of alpha channels
+// and bars too, go into `out`/masks. Returns the seconds that it took, but for finding these.
 absl::StatusOr<double> EnhancePhotos(const TableCell& cell, const std::string& out) {
   LITAGS_ASSIGN_OR_RETURN(const Enhancer enhancer, cell.MakeEnhancer(cell.method().before));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
@@ -43,13 +43,18 @@ absl::StatusOr<double> EnhancePhotos(const TableCell& cell, const std::string& o
   const double start = MonotonicSeconds();
   std::error_code ignored;  // writing reports what matters
   fs::create_directories(out + "/masks", ignored);
-  for (const std::string& photo : screen.Names()) {
-    if (!std::binary_search(photos.begin(), photos.end(), photo)) continue;
+  std::vector<std::string> names = screen.Names();
+  std::erase_if(names, [&](const std::string& name) {
+    return !std::binary_search(photos.begin(), photos.end(), name);
+  });
+  const std::vector<std::string> stems = PictureStems(names);
+  for (size_t i = 0; i < names.size(); ++i) {
+    const std::string& photo = names[i];
     LITAGS_ASSIGN_OR_RETURN(
         const ImageU8 image,
         ReadImage(absl::StrCat(input.images_dir, "/", photo), absl::StrCat("images[", photo, "]")));
     LITAGS_ASSIGN_OR_RETURN(const ImageU8 enhanced, enhancer.run(image));
-    const std::string file = Stem(photo) + ".png";
+    const std::string file = stems[i] + ".png";
     LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(out, "/", file), enhanced));
     const auto mask = screen.masks.find(photo);
     if (mask == screen.masks.end()) continue;
@@ -141,8 +146,9 @@ absl::Status WritePictures(const TableCell& cell, const std::vector<TestView>& v
   std::error_code ignored;  // writing reports what matters
   fs::create_directories(cell.RunDir() + "/test", ignored);
   fs::create_directories(cell.RunDir() + "/error", ignored);
+  const std::vector<std::string> stems = PictureStems(NamesOf(views));
   for (size_t i = 0; i < views.size(); ++i) {
-    const std::string file = Stem(views[i].view.name) + ".png";
+    const std::string file = stems[i] + ".png";
     LITAGS_RETURN_IF_ERROR(WritePng(cell.RunDir() + "/test/" + file, pictures[i]));
     const absl::StatusOr<ImageU8> truth = LoadPicture(cell.scene().TruthDir(), views[i]);
     if (absl::IsNotFound(truth.status())) continue;

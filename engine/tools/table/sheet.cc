@@ -7,9 +7,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "engine/core/error.h"
-#include "engine/io/file_util.h"
 #include "engine/io/picture_io.h"
 #include "engine/tools/contact_sheet/contact_sheet.h"
+#include "engine/tools/evaluation/evaluation.h"
 #include "engine/tools/table/cell.h"
 
 namespace litags {
@@ -18,23 +18,30 @@ namespace {
 constexpr double kCellHeight = 240, kSheetWidth = 1600;  // px, about
 constexpr size_t kMaxViews = 4;
 
+struct SheetView {
+  TestView view;
+  std::string file;  // its pictures' name, as RunCell writes them
+};
+
 // Up to as many views as fit, spread over all.
-std::vector<TestView> Chosen(const std::vector<TestView>& views, size_t fit) {
+std::vector<SheetView> Chosen(const std::vector<TestView>& views, size_t fit) {
+  const std::vector<std::string> stems = PictureStems(NamesOf(views));
   const size_t count = std::min(views.size(), fit);
-  std::vector<TestView> chosen;
-  for (size_t i = 0; i < count; ++i)
-    chosen.push_back(views[(2 * i + 1) * views.size() / (2 * count)]);
+  std::vector<SheetView> chosen;
+  for (size_t i = 0; i < count; ++i) {
+    const size_t at = (2 * i + 1) * views.size() / (2 * count);
+    chosen.push_back({views[at], stems[at] + ".png"});
+  }
   return chosen;
 }
 
-// A row of pictures `dir`/NAME.png, each beside that of `error_dir`, if there is one.
-SheetRow PictureRow(const std::string& label, const std::vector<TestView>& views,
+// A row of pictures in `dir`, each beside that of `error_dir`, if there is one.
+SheetRow PictureRow(const std::string& label, const std::vector<SheetView>& views,
                     const std::string& dir, const std::string& error_dir) {
   SheetRow row{label, {}};
-  for (const TestView& view : views) {
-    const std::string file = Stem(view.view.name) + ".png";
+  for (const SheetView& view : views) {
     const auto cell = [&](const std::string& folder) {
-      const std::string path = absl::StrCat(folder, "/", file);
+      const std::string path = absl::StrCat(folder, "/", view.file);
       std::error_code ignored;
       const bool there = !folder.empty() && std::filesystem::exists(path, ignored);
       return SheetCell{.path = there ? path : ""};
@@ -45,16 +52,16 @@ SheetRow PictureRow(const std::string& label, const std::vector<TestView>& views
   return row;
 }
 
-// The photos of `dir` as the test cameras see them, into `out`/NAME.png.
-absl::Status CopyPhotos(const std::string& dir, const std::vector<TestView>& views,
+// The photos of `dir` as the test cameras see them, into `out`.
+absl::Status CopyPhotos(const std::string& dir, const std::vector<SheetView>& views,
                         const std::string& out) {
   std::error_code ignored;  // writing reports what matters
   std::filesystem::create_directories(out, ignored);
-  for (const TestView& view : views) {
-    const absl::StatusOr<ImageU8> photo = LoadPicture(dir, view);
+  for (const SheetView& view : views) {
+    const absl::StatusOr<ImageU8> photo = LoadPicture(dir, view.view);
     if (absl::IsNotFound(photo.status())) continue;  // an empty cell
     LITAGS_RETURN_IF_ERROR(photo.status());
-    LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(out, "/", Stem(view.view.name), ".png"), *photo));
+    LITAGS_RETURN_IF_ERROR(WritePng(absl::StrCat(out, "/", view.file), *photo));
   }
   return absl::OkStatus();
 }
@@ -69,11 +76,11 @@ absl::Status WriteTableSheet(const TableOptions& options, const TableScene& scen
   sheet.cell_width =
       std::clamp(static_cast<int>(std::lround(kCellHeight * first.width / first.height)), 64, 640);
   const auto fit = static_cast<size_t>(kSheetWidth / (2 * sheet.cell_width));
-  const std::vector<TestView> views = Chosen(all, std::clamp(fit, size_t{1}, kMaxViews));
+  const std::vector<SheetView> views = Chosen(all, std::clamp(fit, size_t{1}, kMaxViews));
 
   sheet.title = absl::StrCat(scene.name, ", ", light, ": test views and 4 x |picture - truth|");
-  for (const TestView& view : views) {
-    sheet.columns.push_back(view.view.name);
+  for (const SheetView& view : views) {
+    sheet.columns.push_back(view.view.view.name);
     sheet.columns.push_back("error");
   }
   const std::string photos = absl::StrCat(options.out, "/photos/", scene.name);

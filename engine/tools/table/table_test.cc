@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/image.h"
 #include "engine/core/mask.h"
 #include "engine/core/run_program_test_util.h"
@@ -333,6 +335,45 @@ TEST_F(TableTest, MasksBesideThePhotosAreUsedByEveryMethod) {
       {"train", room, "-o", out_ / "run", "--iterations", "2", "--cameras", out_ / "cameras"});
   EXPECT_EQ(trained.exit_code, 0) << trained.tail;
   EXPECT_NE(trained.tail.find("masks: those in"), std::string::npos) << trained.tail;
+}
+
+// Cameras of a phone write a RAW's preview, or an edited photo, beside the photo.
+TEST_F(TableTest, PhotosOfOneStemAreAllEnhancedAndShown) {
+  const std::string room = out_ / "twice/room";
+  WriteLomScene(room);
+  // A training photo and a test view.
+  const std::map<std::string, std::string> renamed = {{"0002.JPG", "0001.png"},
+                                                      {"0007.JPG", "0003.png"}};
+  const auto rename = [&](std::vector<View>& views) {
+    for (View& view : views) {
+      if (const auto to = renamed.find(view.name); to != renamed.end()) view.name = to->second;
+    }
+  };
+  SparseModel sparse = ReadColmapModel(room + "/sparse", "sparse").value();
+  rename(sparse.views);
+  ASSERT_TRUE(WriteColmapModel(room + "/sparse", sparse).ok());
+  const std::string path = room + "/transforms_test.json";
+  SparseModel test = ReadCameras(path, "test").value();
+  rename(test.views);
+  ASSERT_TRUE(WriteTransforms(path, test, "low").ok());
+  for (const std::string light : {"/low/", "/high/"}) {
+    for (const auto& [from, to] : renamed) {
+      const ImageU8 photo = ReadImage(room + light + from, from).value();
+      ASSERT_TRUE(WritePng(room + light + to, photo).ok());
+      std::filesystem::remove(room + light + from);
+    }
+  }
+  const Outcome outcome = Run({"--light", "low", "--methods", "light-gain+3dgs"}, out_ / "twice");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  const std::string enhanced = out_ / "out/runs/room/low/light-gain+3dgs/enhanced";
+  EXPECT_EQ(ListPhotos(enhanced, "enhanced")->size(), 6u);
+  for (const char* folder :
+       {"runs/room/low/light-gain+3dgs/test/", "runs/room/low/light-gain+3dgs/error/",
+        "photos/room/low/", "photos/room/truth/"}) {
+    for (const char* name : {"0003.JPG.png", "0003.png.png"}) {
+      EXPECT_TRUE(Exists(absl::StrCat(folder, name))) << folder << name;
+    }
+  }
 }
 
 TEST_F(TableTest, ANetworkThatIsNotThereIsRefusedBeforeAnythingIsTrained) {

@@ -91,9 +91,7 @@ absl::Status Evaluate(const Arguments& args, const Scene& scene) {
   if (views.empty()) return absl::OkStatus();
   views = AtMost(args.options.max_image_side, std::move(views));
   const std::string truth = args.scene.TruthDir(), pictures = args.out + "/test";
-  std::vector<std::string> stems;
-  for (const TestView& view : views) stems.push_back(Stem(view.view.name));
-  NotePictures(args.out, "test", stems);
+  NotePictures(args.out, "test", PictureStems(NamesOf(views)));
   const absl::StatusOr<Scores> renders =
       ScoreScene(scene, views, truth, pictures, args.options.threads);
   if (absl::IsNotFound(renders.status())) {
@@ -266,7 +264,7 @@ absl::Status Inspect(const ReconstructInput& input, const ReconstructOptions& op
 absl::Status WriteResults(const Arguments& args, const ReconstructReport& report,
                           const Scene& scene) {
   LITAGS_RETURN_IF_ERROR(scene.ExportPly(args.out + "/scene.ply", /*light=*/0));
-  NotePictures(args.out, "views", ViewStems(scene));
+  NotePictures(args.out, "views", PictureStems(NamesOf(scene.views())));
   LITAGS_RETURN_IF_ERROR(WriteViews(scene, args.out + "/views", args.options.threads));
   LITAGS_ASSIGN_OR_RETURN(const int test_photos, CountTestPhotos(args, report));
   if (test_photos > 0) {
