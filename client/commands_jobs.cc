@@ -129,9 +129,9 @@ void AddListAndShow(CLI::App& app, Session& session) {
   list->add_option("--limit", args->limit, "At most this many; 0: all")
       ->check(Between(0, kMostListed));
   list->add_option("--filter", *args->request.mutable_filter(),
-                   "Only these, as 'state = FAILED AND labels.site = north' (AIP-160; fields: "
-                   "state, name, display_name, owner, priority, labels.KEY, create_time, "
-                   "start_time, end_time)");
+                   "Only these, as 'state = FAILED AND labels.site = north' (AIP-160: OR binds "
+                   "tighter than AND; fields: state, name, display_name, owner, policy.priority, "
+                   "labels.KEY, create_time, start_time, end_time)");
   list->add_flag("--oldest-first", args->oldest_first, "The other way round");
   list->add_flag("--json", args->json, "One JSON object per line");
   list->callback([&session, args] {

@@ -348,9 +348,11 @@ void AddRenderCommands(CLI::App& app, Session& session) {
   AddJobArgument(*render, args->job);
   render->add_option("--camera", args->pose.camera, "From where this photo was taken");
   render
-      ->add_option("--pose", args->pose.pose,
-                   "World-to-camera matrix: 16 numbers row by row, or a file with them; JOB stands "
-                   "before it")
+      ->add_option(
+          "--pose", args->pose.pose,
+          "World-to-camera matrix: 16 numbers row by row, or a file with them; x right, y "
+          "down, z forward (OpenCV), as litags cameras JOB --json prints; JOB stands before "
+          "it")
       ->expected(1, 16);
   render->add_option("--look-at", args->pose.look_at, "Eye and target: x,y,z x,y,z")->expected(2);
   render->add_option("--up", args->pose.up, "With --look-at: what appears upwards, x,y,z");

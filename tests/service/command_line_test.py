@@ -1,6 +1,7 @@
 """What litags says, and leaves behind, when something goes wrong in the middle of a command."""
 
 import os
+import re
 import signal
 import threading
 import unittest
@@ -75,6 +76,18 @@ class CommandLine(harness.ServiceTest):
         for name in ("x.png", "y.png", "z.png"):
             self.assertIn(name, err)
         self.assertEqual(err.count(" is left out: "), 2, err)
+
+    def test_the_help_of_a_filter_has_the_fields_that_the_server_knows(self):
+        _, err = self.litags("list", "--filter", "nothing = 1", exit_code=2)
+        known = re.search(r"one of the fields (.*?) and (\w+)", " ".join(err.split()))
+        fields = [*known[1].split(", "), known[2]]
+        out, _ = self.litags("list", "--help")
+        told = re.search(r"fields: ([^)]*)\)", " ".join(out.split()))
+        self.assertEqual(told[1].split(", "), fields)
+        for field in fields:
+            value = "RUNNING" if field == "state" else "1" if "priority" in field else \
+                '"2026-01-31T12:00:00Z"'
+            self.litags("list", "--filter", f"{field} != {value}")
 
     def test_what_cannot_be_written_is_told_before_anything_is_rendered(self):
         job, calls = self.finished_job(), []

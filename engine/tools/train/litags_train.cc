@@ -348,7 +348,7 @@ int Main(int argc, char** argv) {
                  "ONNX depth network, for --depth-source network: FILE[,size=518x518]"
                  "[,mean=R:G:B][,std=R:G:B][,output=inverse|depth]");
   app.add_option("--render-poses", args.scene.poses,
-                 "transforms.json or COLMAP model folder of views to render into test/, in the "
+                 "cameras of views to render into test/, of any kind that --cameras takes, in the "
                  "world of the photos' cameras (default, with --light: DIR/transforms_test.json)");
   app.add_option("--truth", args.scene.truth,
                  "folder of normally lit photos to compare with (default DIR/high)");
