@@ -169,7 +169,7 @@ absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* c
   const int64_t generation = authenticator_->Generation();  // before: a change meanwhile is seen
   Call::Shown shown = ShownBy(*context);
   LITAGS_ASSIGN_OR_RETURN(Principal client, Identify(shown));
-  connections_->Admit(context->peer());
+  connections_->Admit(context->peer(), client.name);
   if (!ParsePeer(context->peer())) context->AddInitialMetadata(kRoomOfHeader, client.name);
   std::shared_ptr<Call> call(
       new Call(this, name, std::move(request_id), PeerText(*context), std::move(client)));

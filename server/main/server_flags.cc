@@ -126,9 +126,10 @@ void AddConnectionFlags(CLI::App* app, ConnectionLimits* limits) {
   };
   add("--max-connections", limits->counts.max_connections,
       "Connections at the same time, as far as the limit of open files allows; one network may "
-      "have half of them");
+      "have half of them, one client a quarter");
   add("--max-newcomers", limits->counts.max_newcomers,
-      "Connections at the same time of which no call was let in yet; beyond, the oldest goes");
+      "Connections at the same time of which no call was let in yet; beyond, the oldest of where "
+      "most come from goes");
   add("--max-first-call", limits->counts.newcomer_seconds,
       "Seconds within which a call of a new connection must be let in");
   add("--max-connection-calls", limits->max_calls, "Calls at the same time on one connection");

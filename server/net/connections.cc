@@ -25,12 +25,20 @@ constexpr std::chrono::milliseconds kQuiet{100};
 constexpr int kPartBehind = 8;
 constexpr std::chrono::milliseconds kWhileBehind{5};
 constexpr int kMostWaits = 200;
+// One client may have so large a part of all connections.
+constexpr int kPartOfClient = 4;
 constexpr size_t kMostDiscarded = 1 << 20;
 // Of requests that gRPC refused, as compressed ones, nobody hears an end. With so few bytes those
 // that have not ended are taken for such: their connection may stay, and they count as open calls.
 constexpr int64_t kLostBytes = 16 << 10;
 // Between two looks at a crowd of strangers.
 constexpr std::chrono::milliseconds kBetweenCuts{1};
+
+// One less of `who`.
+void Uncount(std::map<std::string, int>& counts, const std::string& who) {
+  const auto found = counts.find(who);
+  if (--found->second == 0) counts.erase(found);
+}
 
 ino_t InodeOf(int fd) {
   struct stat info = {};
@@ -53,7 +61,7 @@ Connections::Added Connections::Add(int fd, const Peer& peer) {
     Look();
     lock.lock();
   }
-  if (cut_ >= most_cut || !RoomFor(network)) {
+  if (cut_ >= most_cut || !RoomFor(peer, network)) {
     std::string ending;
     if (CallerLines().Pass("full/" + network, &ending)) {
       spdlog::warn("peer={} connection refused: {} are open{}", peer.Text(), all_.size(), ending);
@@ -62,16 +70,17 @@ Connections::Added Connections::Add(int fd, const Peer& peer) {
   }
   const int own = fcntl(fd, F_DUPFD_CLOEXEC, 0);
   if (own < 0) return Added::kNoDescriptors;
-  all_.push_back({peer, network, fd, own, InodeOf(own), Clock::now()});
+  all_.push_back({peer, network, peer.WiderNetwork(), fd, own, InodeOf(own), Clock::now()});
   by_peer_.emplace(peer, std::prev(all_.end()));
   OfNetwork& of_network = networks_[network];
   ++of_network.all;
   ++of_network.newcomers;
+  ++newcomers_of_wider_[all_.back().wider_network];
   ++newcomers_;
   return Added::kYes;
 }
 
-bool Connections::RoomFor(const std::string& network) {
+bool Connections::RoomFor(const Peer& peer, const std::string& network) {
   const auto found = networks_.find(network);
   if (found != networks_.end() && found->second.all >= std::max(1, counts_.max_connections / 2) &&
       !CutOldest(network, "others come from its network")) {
@@ -79,14 +88,23 @@ bool Connections::RoomFor(const std::string& network) {
   }
   const bool full = static_cast<int>(all_.size()) - cut_ >= counts_.max_connections;
   if (!full && newcomers_ < counts_.max_newcomers) return true;
-  return CutOldest(BusiestNetwork(), "others come and it makes no call");
+  return CutNewcomer(peer.IsLoopback(), "others come and it makes no call");
 }
 
-std::string Connections::BusiestNetwork() const {
-  const auto most = std::max_element(
-      networks_.begin(), networks_.end(),
-      [](const auto& a, const auto& b) { return a.second.newcomers < b.second.newcomers; });
-  return most == networks_.end() ? "" : most->first;
+bool Connections::CutNewcomer(bool of_loopback_too, std::string_view why) {
+  Connection* worst = nullptr;
+  std::pair<int, int> most;
+  for (Connection& connection : all_) {
+    if (connection.state != State::kNewcomer) continue;
+    if (!of_loopback_too && connection.peer.IsLoopback()) continue;
+    const std::pair from_there(newcomers_of_wider_.at(connection.wider_network),
+                               networks_.at(connection.network).newcomers);
+    if (worst && from_there <= most) continue;
+    worst = &connection;
+    most = from_there;
+  }
+  if (worst) Cut(*worst, why);
+  return worst != nullptr;
 }
 
 bool Connections::CutOldest(const std::string& network, std::string_view why) {
@@ -100,7 +118,7 @@ bool Connections::CutOldest(const std::string& network, std::string_view why) {
 
 void Connections::MakeRoom() {
   std::lock_guard lock(mutex_);
-  CutOldest(BusiestNetwork(), "descriptors are short and it makes no call");
+  CutNewcomer(/*of_loopback_too=*/true, "descriptors are short and it makes no call");
 }
 
 void Connections::Cut(Connection& connection, std::string_view why) {
@@ -120,10 +138,12 @@ void Connections::SetState(Connection& connection, State state) {
   if (connection.state == State::kNewcomer) {
     --newcomers_;
     --of_network.newcomers;
+    Uncount(newcomers_of_wider_, connection.wider_network);
   }
   if (state == State::kCut) {
     ++cut_;
     --of_network.all;
+    if (!connection.client.empty()) Uncount(of_clients_, connection.client);
   }
   connection.state = state;
 }
@@ -140,15 +160,39 @@ Connections::Connection* Connections::Find(const Peer& peer) {
   return found == end ? nullptr : &*found->second;
 }
 
-void Connections::Admit(std::string_view grpc_peer) {
+void Connections::Admit(std::string_view grpc_peer, const std::string& client) {
   const auto peer = ParsePeer(grpc_peer);
-  if (peer) Admit(*peer);  // else it calls in process
+  if (peer) Admit(*peer, client);  // else it calls in process
 }
 
-void Connections::Admit(const Peer& peer) {
+void Connections::Admit(const Peer& peer, const std::string& client) {
   std::lock_guard lock(mutex_);
   Connection* const connection = Find(peer);
-  if (connection && connection->state == State::kNewcomer) SetState(*connection, State::kKnown);
+  if (!connection || connection->state != State::kNewcomer) return;
+  SetState(*connection, State::kKnown);
+  if (client.empty()) return;  // without names there are no clients
+  MakeRoomOf(client);
+  connection->client = client;
+  ++of_clients_[client];
+}
+
+void Connections::MakeRoomOf(const std::string& client) {
+  const auto count = of_clients_.find(client);
+  const int most = std::max(1, counts_.max_connections / kPartOfClient);
+  if (count == of_clients_.end() || count->second < most) return;
+  const auto first = [&](bool busy_too) {
+    return std::find_if(all_.begin(), all_.end(), [&](const Connection& connection) {
+      return connection.state == State::kKnown && connection.client == client &&
+             (busy_too || !HasCalls(connection));
+    });
+  };
+  const auto idle = first(/*busy_too=*/false);
+  Cut(idle != all_.end() ? *idle : *first(/*busy_too=*/true), "its client has too many");
+}
+
+bool Connections::HasCalls(const Connection& connection) const {
+  const auto* const calls = connection.number ? calls_.Find(*connection.number) : nullptr;
+  return calls && calls->open > 0;
 }
 
 bool Connections::OpenCall(uint64_t connection, const std::optional<std::string>& client) {

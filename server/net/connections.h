@@ -19,7 +19,7 @@ namespace litags {
 
 // Newcomers are connections that no call was let in from: strangers, and clients for a moment.
 struct ConnectionCounts {
-  int max_connections = 4096;  // one network may have half of them
+  int max_connections = 4096;  // one network may have half of them, one client a quarter
   int max_newcomers = 256;     // so many handshakes and first calls at one time
   // A first call takes milliseconds, on a bad line a few seconds.
   double newcomer_seconds = 20;
@@ -50,12 +50,14 @@ class Connections {
     kNoDescriptors,  // the same, for want of descriptors
   };
   // A connection that came. Makes room among the newcomers: the network with most of them loses its
-  // oldest.
+  // oldest. Those of this machine make room for each other alone.
   Added Add(int fd, const Peer& peer);
 
-  // A call was let in from `grpc_peer`, as gRPC names it: the connection may stay.
-  void Admit(std::string_view grpc_peer);
-  void Admit(const Peer& peer);
+  // A call of `client` was let in from `grpc_peer`, as gRPC names it: the connection may stay.
+  // Makes room among those of the client, unless it has no name: the oldest without calls goes, if
+  // there is none the oldest.
+  void Admit(std::string_view grpc_peer, const std::string& client = "");
+  void Admit(const Peer& peer, const std::string& client = "");
 
   // Of the calls on `connection`, a number that stays as long as it: see OpenCalls.
   bool OpenCall(uint64_t connection, const std::optional<std::string>& client);
@@ -81,13 +83,14 @@ class Connections {
   enum class State { kNewcomer, kKnown, kCut };
   struct Connection {
     Peer peer;
-    std::string network;
+    std::string network, wider_network;
     int fd;       // gRPC's, which may have closed it
     int own;      // the same socket, so that its number stays: to look at it and to cut it
     ino_t inode;  // of the socket
     Clock::time_point since;
     State state = State::kNewcomer;
     std::optional<uint64_t> number = {};  // once a call of it came whole
+    std::string client = {};              // that was let in first
   };
   using List = std::list<Connection>;
   struct OfNetwork {
@@ -101,9 +104,12 @@ class Connections {
   };
   using SentBy = std::map<std::string, Sent>;
 
-  bool RoomFor(const std::string& network);
+  bool RoomFor(const Peer& peer, const std::string& network);
   bool CutOldest(const std::string& network, std::string_view why);
-  std::string BusiestNetwork() const;
+  // The oldest newcomer of where most come from.
+  bool CutNewcomer(bool of_loopback_too, std::string_view why);
+  void MakeRoomOf(const std::string& client);
+  bool HasCalls(const Connection& connection) const;
   void Cut(Connection& connection, std::string_view why);
   void SetState(Connection& connection, State state);
   Connection* Find(std::string_view grpc_peer);
@@ -122,6 +128,7 @@ class Connections {
   List all_;  // by age
   std::multimap<Peer, List::iterator> by_peer_;
   std::map<std::string, OfNetwork> networks_;
+  std::map<std::string, int> newcomers_of_wider_, of_clients_;
   int newcomers_ = 0, cut_ = 0;
   double strangers_calls_ = 0;  // falls by `crowd_calls` a second
   Clock::time_point strangers_counted_, crowd_cut_;

@@ -11,7 +11,8 @@
 namespace litags {
 namespace {
 
-constexpr int kNetworkBytes = 8;  // of IPv6
+// Of in6_addr.
+constexpr size_t kIpv6NetworkBytes = 8, kIpv6WiderBytes = 6, kIpv4WiderBytes = 15;
 
 in6_addr Mapped(const in_addr& v4) {
   in6_addr ip = {};
@@ -28,6 +29,11 @@ std::string IpText(const in6_addr& ip) {
   }
   inet_ntop(AF_INET6, &ip, text, sizeof(text));
   return absl::StrCat("[", text, "]");
+}
+
+std::string PrefixText(in6_addr ip, size_t bytes) {
+  std::memset(ip.s6_addr + bytes, 0, sizeof(ip) - bytes);
+  return IpText(ip);
 }
 
 std::optional<in6_addr> ParseIp(std::string text) {
@@ -56,10 +62,15 @@ std::string_view WithoutBrackets(std::string_view host) {
 std::string Peer::Text() const { return absl::StrCat(IpText(ip), ":", port); }
 
 std::string Peer::Network() const {
-  if (IN6_IS_ADDR_V4MAPPED(&ip)) return IpText(ip);
-  in6_addr network = ip;
-  std::memset(network.s6_addr + kNetworkBytes, 0, sizeof(network) - kNetworkBytes);
-  return IpText(network);
+  return PrefixText(ip, IN6_IS_ADDR_V4MAPPED(&ip) ? sizeof(ip) : kIpv6NetworkBytes);
+}
+
+std::string Peer::WiderNetwork() const {
+  return PrefixText(ip, IN6_IS_ADDR_V4MAPPED(&ip) ? kIpv4WiderBytes : kIpv6WiderBytes);
+}
+
+bool Peer::IsLoopback() const {
+  return IN6_IS_ADDR_LOOPBACK(&ip) || (IN6_IS_ADDR_V4MAPPED(&ip) && ip.s6_addr[12] == 127);
 }
 
 std::strong_ordering Peer::operator<=>(const Peer& other) const {

@@ -21,6 +21,10 @@ struct Peer {
   std::string Text() const;
   // Who it is for limits: an IPv4 address, or the /64 that one household has of IPv6.
   std::string Network() const;
+  // What one stranger may well have whole: an IPv4 /24 or an IPv6 /48.
+  std::string WiderNetwork() const;
+  // Of this machine.
+  bool IsLoopback() const;
 
   bool operator==(const Peer& other) const { return (*this <=> other) == 0; }
   std::strong_ordering operator<=>(const Peer& other) const;

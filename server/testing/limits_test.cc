@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <memory>
 #include <set>
 #include <string>
 #include <thread>
@@ -11,6 +13,7 @@
 #include "server/jobs/jobs_test_util.h"
 #include "server/jobs/leases.h"
 #include "server/testing/access_fixture.h"
+#include "server/testing/eventually.h"
 #include "server/testing/photos.h"
 
 namespace litags {
@@ -72,6 +75,26 @@ TEST_F(Limits, AStreamThatHasEndedMakesRoomAtOnce) {
     const grpc::Status status = watch->Finish();
     ASSERT_TRUE(status.ok()) << i << ": " << status.error_message();
   }
+}
+
+TEST_F(Limits, ConnectionsOfOneClientAreCounted) {
+  options_.connections.counts.max_connections = 8;  // a client may have two
+  Start();
+  const auto bobs = Connect();
+  std::vector<std::shared_ptr<grpc::Channel>> hers;
+  const auto call = [&](const std::string& client, const std::shared_ptr<grpc::Channel>& channel) {
+    ClientCall call(tokens_.at(client));
+    v1::ServerInfo info;
+    EXPECT_TRUE(Stubs(channel).jobs->GetServerInfo(&call, {}, &info).ok());
+  };
+  const auto is_open = [](const std::shared_ptr<grpc::Channel>& channel) {
+    return channel->GetState(/*try_to_connect=*/false) == GRPC_CHANNEL_READY;
+  };
+  call("bob", bobs);
+  for (int i = 0; i < 3; ++i) call("alice", hers.emplace_back(Connect()));
+  EXPECT_TRUE(Eventually([&] { return std::ranges::count_if(hers, is_open) == 2; }));
+  EXPECT_TRUE(is_open(hers[2]));
+  EXPECT_TRUE(is_open(bobs));
 }
 
 TEST_F(Limits, PicturesOfOneClientAreCountedPerSecond) {
