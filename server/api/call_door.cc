@@ -68,7 +68,7 @@ grpc_auth_metadata_processor CallDoor::AtHeaders() {
   const auto process = [](void* self, grpc_auth_context* context, const grpc_metadata* headers,
                           size_t count, grpc_process_auth_metadata_done_cb done, void* data) {
     const bool let_in = static_cast<CallDoor*>(self)->LetIn(context, headers, count);
-    done(data, nullptr, 0, nullptr, 0, let_in ? GRPC_STATUS_OK : GRPC_STATUS_RESOURCE_EXHAUSTED,
+    done(data, nullptr, 0, nullptr, 0, let_in ? GRPC_STATUS_OK : GRPC_STATUS_UNAVAILABLE,
          let_in ? nullptr : "too many calls are open; wait for some to end");
   };
   return {process, nullptr, this};

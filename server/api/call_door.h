@@ -16,8 +16,9 @@
 namespace litags {
 
 // Counts the calls of each connection from their headers to their end, and refuses those that are
-// too many with RESOURCE_EXHAUSTED, by which gRPC forgets them. gRPC's own limit of calls binds
-// only peers that acknowledge its settings. Thread-safe.
+// too many, by which gRPC forgets them: with UNAVAILABLE, which clients try again, as no details
+// could tell them to. gRPC's own limit of calls binds only peers that acknowledge its settings.
+// Thread-safe.
 class CallDoor {
  public:
   // Both must outlive this, and this the server.

@@ -75,14 +75,14 @@ class AccessTest : public ::testing::Test {
   }
 
   // A connection of its own. `client`: whose certificate to show; empty: none.
-  std::shared_ptr<grpc::Channel> Connect(const std::string& client = "") {
+  std::shared_ptr<grpc::Channel> Connect(const std::string& client = "",
+                                         grpc::ChannelArguments arguments = {}) {
     grpc::SslCredentialsOptions ssl;
     ssl.pem_root_certs = authority_.Read("ca.crt");
     if (!client.empty()) {
       ssl.pem_cert_chain = authority_.Read(client + ".crt");
       ssl.pem_private_key = authority_.Read(client + ".key");
     }
-    grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
     return grpc::CreateCustomChannel(Address(), grpc::SslCredentials(ssl), arguments);

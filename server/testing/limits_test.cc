@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/io/file_util.h"
 #include "server/jobs/jobs_test_util.h"
 #include "server/jobs/leases.h"
 #include "server/testing/access_fixture.h"
@@ -75,6 +76,37 @@ TEST_F(Limits, AStreamThatHasEndedMakesRoomAtOnce) {
     const grpc::Status status = watch->Finish();
     ASSERT_TRUE(status.ok()) << i << ": " << status.error_message();
   }
+}
+
+TEST_F(Limits, TooManyOpenCallsAreTriedAgainByClientsWithOurServiceConfig) {
+  options_.connections.counts.calls.of_client = 1;
+  Start();
+  grpc::ChannelArguments trying_again;
+  trying_again.SetServiceConfigJSON(
+      *ReadFile(LITAGS_SOURCE_DIR "/proto/litags/v1/service_config.json", "", 1 << 20));
+  const Stubs patient(Connect("", trying_again));
+  const std::string job = Created("alice");
+  ClientCall watching(tokens_.at("alice")), once(tokens_.at("alice")), again(tokens_.at("alice"));
+  const auto watch = patient.jobs->WatchJob(&watching, Named<v1::WatchJobRequest>(job));
+  v1::JobEvent event;
+  ASSERT_TRUE(watch->Read(&event));
+  v1::Job found;
+  grpc::Status got;
+  grpc::CompletionQueue queue;
+  const auto repeated = patient.jobs->AsyncGetJob(&again, Named<v1::GetJobRequest>(job), &queue);
+  repeated->Finish(&found, &got, nullptr);
+  // Comes after the other's first try, and is not repeated.
+  google::protobuf::Empty empty;
+  const grpc::Status refused =
+      patient.jobs->DeleteJob(&once, Named<v1::DeleteJobRequest>(job), &empty);
+  EXPECT_EQ(refused.error_code(), grpc::UNAVAILABLE);
+  EXPECT_THAT(refused.error_message(), HasSubstr("too many calls are open"));
+  watching.TryCancel();
+  watch->Finish();
+  void* tag = nullptr;
+  bool done = false;
+  EXPECT_TRUE(queue.Next(&tag, &done));
+  EXPECT_TRUE(got.ok()) << got.error_message();
 }
 
 TEST_F(Limits, ConnectionsOfOneClientAreCounted) {

@@ -246,7 +246,7 @@ class Limits(unittest.TestCase):
             try:
                 next(open_watches[-1])
             except grpc.RpcError as error:
-                self.assertEqual(error.code(), CODE.RESOURCE_EXHAUSTED)
+                self.assertEqual(error.code(), CODE.UNAVAILABLE)
                 return False
             return True
 
