@@ -54,12 +54,8 @@ class FollowStream : public grpc::ServerWriteReactor<Message> {
   static constexpr int kRecordsPerRead = 16;
 
   FollowStream(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
-               std::string job_name, EventHub* hub, ThreadPool* pool)
-      : call_(std::move(call)),
-        context_(context),
-        job_name_(std::move(job_name)),
-        hub_(hub),
-        pool_(pool) {}
+               const std::string& job_name, EventHub* hub, ThreadPool* pool)
+      : call_(std::move(call)), context_(context), job_name_(job_name), hub_(hub), pool_(pool) {}
 
   // To be called last in the constructor.
   void Begin() {
@@ -152,7 +148,7 @@ class FollowStream : public grpc::ServerWriteReactor<Message> {
 
   const std::shared_ptr<Call> call_;
   grpc::CallbackServerContext* const context_;
-  const std::string job_name_;
+  const std::string& job_name_;  // in the request
   EventHub* const hub_;
   ThreadPool* const pool_;
   int64_t subscription_ = 0;

@@ -24,6 +24,9 @@ using SteadyClock = std::chrono::steady_clock;
 constexpr size_t kMaxRemembered = 1000;
 // An answer is there as a message, and as the bytes that gRPC makes of it.
 constexpr int kCopies = 2;
+// Kept for a call without being counted, so that small calls are let in when the room is used up:
+// gRPC itself takes as much for each.
+constexpr int64_t kUncountedBytes = 8 << 10;
 // Clients that read faster are never late.
 constexpr double kMinBytesPerSecond = 1 << 20;
 
@@ -76,6 +79,7 @@ Call::Call(Gate* gate, CallName name, std::string request_id, std::string peer, 
 Call::~Call() {
   LeaveStream();
   Hold(0);
+  if (kept_bytes_ > 0) gate_->kept_.Add(client_.name, -kept_bytes_);
 }
 
 void Call::LeaveStream() {
@@ -114,6 +118,18 @@ absl::Status Call::CheckRoom() const {
                    "asked for, and try again in a second");
 }
 
+absl::Status Call::Keep(int64_t bytes) {
+  if (bytes <= kUncountedBytes) return absl::OkStatus();
+  if (!gate_->kept_.IsFor(client_.name)) {
+    return MakeError(absl::StatusCode::kResourceExhausted, "SERVER_BUSY", "",
+                     "the memory for requests of open calls is used up; wait for some to end, and "
+                     "try again in a second");
+  }
+  gate_->kept_.Add(client_.name, bytes);
+  kept_bytes_ += bytes;
+  return absl::OkStatus();
+}
+
 void Call::CountRead(int64_t bytes) { gate_->connections_->ReadOfCall(connection_, bytes); }
 
 void Call::Hold(int64_t bytes) {
@@ -150,7 +166,12 @@ const ClientLimits& Call::limits() const { return gate_->limits_; }
 Metrics& Call::metrics() const { return *gate_->metrics_; }
 
 grpc::Status Gate::Refuse(const grpc::CallbackServerContext& context, CallName name,
-                          const absl::Status& status) {
+                          const google::protobuf::Message* request, const absl::Status& status) {
+  if (request) {
+    // gRPC made it for this call, and nobody has looked at it. Clear() would keep the memory.
+    const std::unique_ptr<google::protobuf::Message> empty(request->New());
+    request->GetReflection()->Swap(empty.get(), const_cast<google::protobuf::Message*>(request));
+  }
   const std::string code = absl::StatusCodeToString(status.code());
   std::string ending;
   if (CallerLines().Pass(absl::StrCat(name.method, "/", code, "/", NetworkText(context)),
@@ -163,7 +184,8 @@ grpc::Status Gate::Refuse(const grpc::CallbackServerContext& context, CallName n
 }
 
 absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* context,
-                                                  CallName name) {
+                                                  CallName name,
+                                                  const google::protobuf::Message* request) {
   std::string request_id = RequestIdOf(Header(*context, kRequestIdHeader).value_or(""));
   context->AddInitialMetadata(kRequestIdHeader, request_id);
   const int64_t generation = authenticator_->Generation();  // before: a change meanwhile is seen
@@ -176,6 +198,7 @@ absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* c
   call->generation_ = generation;
   call->connection_ = ConnectionNumber(*context);
   if (IsStream(name.kind)) call->shown_ = std::move(shown);
+  if (request) LITAGS_RETURN_IF_ERROR(Keep(call.get(), *request));
   LITAGS_RETURN_IF_ERROR(Count(call.get()));
   call->jobs_ = jobs_->For(ViewOf(call->client_));
   return call;
@@ -201,6 +224,16 @@ ClientView Gate::ViewOf(const Principal& client) const {
   // Without names there is nobody to be unfair to.
   if (client.name.empty()) view.caps.max_priority = kMaxJobPriority;
   return view;
+}
+
+absl::Status Gate::Keep(Call* call, const google::protobuf::Message& request) const {
+  const auto bytes = static_cast<int64_t>(request.SpaceUsedLong());
+  if (bytes <= requests_.max_bytes) return call->Keep(bytes);
+  return InvalidInput("TOO_MANY_IN_CALL", "",
+                      absl::StrCat("the request takes ", bytes >> 10,
+                                   " KiB of memory, and may take ", requests_.max_bytes >> 10,
+                                   "; send less at a time, and no fields that the server's version "
+                                   "does not have"));
 }
 
 absl::Status Gate::Count(Call* call) {

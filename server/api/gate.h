@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
@@ -15,6 +16,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "google/protobuf/message.h"
 #include "server/api/token_watch.h"
 #include "server/auth/authenticator.h"
 #include "server/jobs/jobs.h"
@@ -46,6 +48,14 @@ struct AnswerLimits {
   int64_t max_unread_bytes = int64_t{512} << 20;
   // Exported models on disk, each until it was read; one client: half of it.
   int64_t max_export_bytes = int64_t{4} << 30;
+};
+
+// What requests may cost, as messages in memory: gRPC keeps them until the end of their calls.
+// Bytes on the wire may become twenty times as many.
+struct RequestLimits {
+  int64_t max_bytes = int64_t{4} << 20;  // one; a path through 10,000 poses has some 2.5 MB
+  // Of all open calls, with what these keep of their requests; one client: half of it.
+  int64_t max_kept_bytes = int64_t{128} << 20;
 };
 
 // What a call does, for the limits above.
@@ -89,7 +99,9 @@ class Call {
 
   // OK if there is room for another answer. RESOURCE_EXHAUSTED (RENDER_QUEUE_FULL).
   absl::Status CheckRoom() const;
-  // So many bytes of an upload were read.
+  // The call keeps so many bytes more until it is gone. RESOURCE_EXHAUSTED (SERVER_BUSY).
+  absl::Status Keep(int64_t bytes);
+  // So many bytes of an upload were read, and nothing holds them any more.
   void CountRead(int64_t bytes);
   // The answer that waits for the client to read it has so many bytes; counts until the next one,
   // or until the call is gone.
@@ -120,7 +132,7 @@ class Call {
   std::atomic<int64_t> generation_ = 0;  // of the tokens that know the client
   uint64_t connection_ = 0;
   bool holds_stream_ = false;
-  int64_t held_bytes_ = 0;
+  int64_t held_bytes_ = 0, kept_bytes_ = 0;
 };
 
 // Thread-safe; its methods do not block.
@@ -128,30 +140,34 @@ class Gate {
  public:
   // All must outlive this and every Call.
   Gate(Jobs* jobs, Authenticator* authenticator, Metrics* metrics, Connections* connections,
-       ClientLimits limits, AnswerLimits answers, double max_wait_seconds)
+       ClientLimits limits, RequestLimits requests, AnswerLimits answers, double max_wait_seconds)
       : jobs_(jobs),
         authenticator_(authenticator),
         metrics_(metrics),
         connections_(connections),
         limits_(limits),
+        requests_(requests),
         answers_(answers),
         max_wait_seconds_(max_wait_seconds),
+        kept_(requests.max_kept_bytes),
         unread_(answers.max_unread_bytes),
         token_watch_(authenticator) {}
 
   // Lets a call in. The answer carries the header "x-request-id", see RequestIdOf(). Its
-  // connection may stay.
+  // connection may stay. `request`: null if it comes in parts.
   //
-  // UNAUTHENTICATED, see Authenticator; RESOURCE_EXHAUSTED (TOO_MANY_STREAMS,
-  // PICTURE_RATE_EXCEEDED).
-  absl::StatusOr<std::shared_ptr<Call>> Enter(grpc::CallbackServerContext* context, CallName name);
+  // UNAUTHENTICATED, see Authenticator; INVALID_ARGUMENT (TOO_MANY_IN_CALL); RESOURCE_EXHAUSTED
+  // (TOO_MANY_STREAMS, PICTURE_RATE_EXCEEDED, SERVER_BUSY).
+  absl::StatusOr<std::shared_ptr<Call>> Enter(grpc::CallbackServerContext* context, CallName name,
+                                              const google::protobuf::Message* request);
 
   // Bytes of answers that clients have not read yet, by client.
   SharedRoom* unread() { return &unread_; }
 
-  // What a call gets that Enter() did not let in: counted and logged, as Call::End() does.
+  // What a call gets that Enter() did not let in: counted and logged, as Call::End() does. Empties
+  // the request, which gRPC keeps until the client has heard.
   grpc::Status Refuse(const grpc::CallbackServerContext& context, CallName name,
-                      const absl::Status& status);
+                      const google::protobuf::Message* request, const absl::Status& status);
 
  private:
   friend class Call;
@@ -167,6 +183,7 @@ class Gate {
   absl::StatusOr<Principal> Identify(const Call::Shown& shown) const;
   // As which the caller sees and changes jobs.
   ClientView ViewOf(const Principal& client) const;
+  absl::Status Keep(Call* call, const google::protobuf::Message& request) const;
   absl::Status Count(Call* call);
   absl::Status CountPicture(Use& use) const;
   void Leave(const Call& call);
@@ -176,11 +193,12 @@ class Gate {
   Metrics* const metrics_;
   Connections* const connections_;
   const ClientLimits limits_;
+  const RequestLimits requests_;
   const AnswerLimits answers_;
   const double max_wait_seconds_;
   std::mutex mutex_;
   std::map<std::string, Use> uses_;  // by client; those not in use are dropped now and then
-  SharedRoom unread_;
+  SharedRoom kept_, unread_;
   TokenWatch token_watch_;
 };
 

@@ -195,7 +195,7 @@ class ExportStream : public SceneStream<v1::ExportModelResponse> {
     return absl::OkStatus();
   }
 
-  const v1::ExportModelRequest request_;
+  const v1::ExportModelRequest& request_;  // gRPC's, which outlives this
   const std::string path_;
   const int threads_;
   SharedRoom* const room_;
@@ -208,7 +208,8 @@ class ExportStream : public SceneStream<v1::ExportModelResponse> {
 grpc::ServerWriteReactor<v1::ExportModelResponse>* ModelServiceImpl::ExportModel(
     grpc::CallbackServerContext* context, const v1::ExportModelRequest* request) {
   return RunStream<grpc::ServerWriteReactor<v1::ExportModelResponse>>(
-      gate_, context, {"ExportModel", CallKind::kPictureStream}, [&](std::shared_ptr<Call> call) {
+      gate_, context, {"ExportModel", CallKind::kPictureStream}, request,
+      [&](std::shared_ptr<Call> call) {
         return new ExportStream(std::move(call), context, *request, scenes_, pool_, tmp_, threads_,
                                 &room_);
       });

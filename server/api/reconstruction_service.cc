@@ -45,7 +45,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::JobCall(
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
     return Answer(*call.jobs(), (call.jobs()->*change)(id), response);
   };
-  return RunUnary(gate_, context, name, pool_, response, work);
+  return RunUnary(gate_, context, name, pool_, request, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
@@ -57,17 +57,17 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CreateJob(Context* context,
     if (job.ok()) spdlog::info("job={} created", job->id);
     return Answer(*call.jobs(), job, response);
   };
-  return RunUnary(gate_, context, {"CreateJob", CallKind::kChange}, pool_, response, work);
+  return RunUnary(gate_, context, {"CreateJob", CallKind::kChange}, pool_, request, response, work);
 }
 
-grpc::ServerUnaryReactor* ReconstructionServiceImpl::GetServerInfo(Context* context,
-                                                                   const v1::GetServerInfoRequest*,
-                                                                   v1::ServerInfo* response) {
+grpc::ServerUnaryReactor* ReconstructionServiceImpl::GetServerInfo(
+    Context* context, const v1::GetServerInfoRequest* request, v1::ServerInfo* response) {
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(*response, DescribeServer(call));
     return absl::OkStatus();
   };
-  return RunUnary(gate_, context, {"GetServerInfo", CallKind::kRead}, pool_, response, work);
+  return RunUnary(gate_, context, {"GetServerInfo", CallKind::kRead}, pool_, request, response,
+                  work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::CloneJob(Context* context,
@@ -81,13 +81,15 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CloneJob(Context* context,
     if (job.ok()) spdlog::info("job={} cloned from {}", job->id, id);
     return Answer(*call.jobs(), job, response);
   };
-  return RunUnary(gate_, context, {"CloneJob", CallKind::kChange}, blob_pool_, response, work);
+  return RunUnary(gate_, context, {"CloneJob", CallKind::kChange}, blob_pool_, request, response,
+                  work);
 }
 
 grpc::ServerReadReactor<grpc::ByteBuffer>* ReconstructionServiceImpl::UploadImages(
     Context* context, grpc::ByteBuffer* response) {
   return RunStream<grpc::ServerReadReactor<grpc::ByteBuffer>>(
-      gate_, context, {"UploadImages", CallKind::kStream}, [&](std::shared_ptr<Call> call) {
+      gate_, context, {"UploadImages", CallKind::kStream}, nullptr,
+      [&](std::shared_ptr<Call> call) {
         return new UploadReactor(std::move(call), response, uploads_);
       });
 }
@@ -116,7 +118,8 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::QueryUpload(
     }
     return absl::OkStatus();
   };
-  return RunUnary(gate_, context, {"QueryUpload", CallKind::kRead}, blob_pool_, response, work);
+  return RunUnary(gate_, context, {"QueryUpload", CallKind::kRead}, blob_pool_, request, response,
+                  work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListFiles(Context* context,
@@ -126,7 +129,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListFiles(Context* context,
     LITAGS_RETURN_IF_ERROR(call.CheckRoom());
     return litags::ListFiles(*call.jobs(), *request, response);
   };
-  return RunUnary(gate_, context, {"ListFiles", CallKind::kRead}, pool_, response, work);
+  return RunUnary(gate_, context, {"ListFiles", CallKind::kRead}, pool_, request, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteFile(
@@ -142,7 +145,8 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteFile(
                                   " has no such file of this role; ListFiles names "
                                   "those it has"));
   };
-  return RunUnary(gate_, context, {"DeleteFile", CallKind::kChange}, pool_, response, work);
+  return RunUnary(gate_, context, {"DeleteFile", CallKind::kChange}, pool_, request, response,
+                  work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::StartJob(Context* context,
@@ -153,7 +157,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::StartJob(Context* context,
     LITAGS_RETURN_IF_ERROR(CheckRequestId(request->request_id()));
     return Answer(*call.jobs(), call.jobs()->Start(id, request->request_id()), response);
   };
-  return RunUnary(gate_, context, {"StartJob", CallKind::kChange}, pool_, response, work);
+  return RunUnary(gate_, context, {"StartJob", CallKind::kChange}, pool_, request, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::GetJob(Context* context,
@@ -169,13 +173,13 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ListJobs(Context* context,
     LITAGS_RETURN_IF_ERROR(call.CheckRoom());
     return litags::ListJobs(*call.jobs(), *request, response);
   };
-  return RunUnary(gate_, context, {"ListJobs", CallKind::kRead}, pool_, response, work);
+  return RunUnary(gate_, context, {"ListJobs", CallKind::kRead}, pool_, request, response, work);
 }
 
 grpc::ServerWriteReactor<v1::JobEvent>* ReconstructionServiceImpl::WatchJob(
     Context* context, const v1::WatchJobRequest* request) {
   return RunStream<grpc::ServerWriteReactor<v1::JobEvent>>(
-      gate_, context, {"WatchJob", CallKind::kStream}, [&](std::shared_ptr<Call> call) {
+      gate_, context, {"WatchJob", CallKind::kStream}, request, [&](std::shared_ptr<Call> call) {
         ThreadPool* const pool = request->include_previews() ? blob_pool_ : pool_;
         return new WatchReactor(std::move(call), context, *request, hub_, pool);
       });
@@ -184,7 +188,7 @@ grpc::ServerWriteReactor<v1::JobEvent>* ReconstructionServiceImpl::WatchJob(
 grpc::ServerWriteReactor<v1::LogEntry>* ReconstructionServiceImpl::GetLog(
     Context* context, const v1::GetLogRequest* request) {
   return RunStream<grpc::ServerWriteReactor<v1::LogEntry>>(
-      gate_, context, {"GetLog", CallKind::kStream}, [&](std::shared_ptr<Call> call) {
+      gate_, context, {"GetLog", CallKind::kStream}, request, [&](std::shared_ptr<Call> call) {
         return new LogReactor(std::move(call), context, *request, hub_, pool_);
       });
 }
@@ -199,7 +203,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::UpdateJob(Context* context,
     const auto job = call.jobs()->Update(*id, request->job().etag(), change);
     return job.ok() ? Answer(*call.jobs(), job, response) : InJob(job.status());
   };
-  return RunUnary(gate_, context, {"UpdateJob", CallKind::kChange}, pool_, response, work);
+  return RunUnary(gate_, context, {"UpdateJob", CallKind::kChange}, pool_, request, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::CancelJob(Context* context,
@@ -226,7 +230,7 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::ResumeJob(Context* context,
     LITAGS_RETURN_IF_ERROR(CheckRequestId(request->request_id()));
     return Answer(*call.jobs(), call.jobs()->Resume(id, change, request->request_id()), response);
   };
-  return RunUnary(gate_, context, {"ResumeJob", CallKind::kChange}, pool_, response, work);
+  return RunUnary(gate_, context, {"ResumeJob", CallKind::kChange}, pool_, request, response, work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteJob(Context* context,
@@ -235,7 +239,8 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::DeleteJob(Context* context,
   const auto work = [=](Call& call, const CancelToken&) -> absl::Status {
     return DeleteOne(*call.jobs(), request->name(), request->allow_missing());
   };
-  return RunUnary(gate_, context, {"DeleteJob", CallKind::kChange}, blob_pool_, response, work);
+  return RunUnary(gate_, context, {"DeleteJob", CallKind::kChange}, blob_pool_, request, response,
+                  work);
 }
 
 grpc::ServerUnaryReactor* ReconstructionServiceImpl::BatchDeleteJobs(
@@ -259,8 +264,8 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::BatchDeleteJobs(
     }
     return absl::OkStatus();
   };
-  return RunUnary(gate_, context, {"BatchDeleteJobs", CallKind::kChange}, blob_pool_, response,
-                  work);
+  return RunUnary(gate_, context, {"BatchDeleteJobs", CallKind::kChange}, blob_pool_, request,
+                  response, work);
 }
 
 }  // namespace litags

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/ascii.h"
@@ -81,12 +82,15 @@ class PathStream : public SceneStream<v1::RenderPathResponse> {
     LITAGS_ASSIGN_OR_RETURN(const Camera lens,
                             ResolveLens(request_.settings(), lens_camera,
                                         "keyframes.poses[0].camera", scene, limits_.max_pixels));
-    LITAGS_ASSIGN_OR_RETURN(cameras_, ResolvePath(request_, lens, scene, cancel()));
+    LITAGS_ASSIGN_OR_RETURN(std::vector<Camera> cameras,
+                            ResolvePath(request_, lens, scene, cancel()));
+    LITAGS_RETURN_IF_ERROR(call().Keep(static_cast<int64_t>(cameras.capacity() * sizeof(Camera))));
+    cameras_ = std::move(cameras);
     resolved_ = true;
     return absl::OkStatus();
   }
 
-  const v1::RenderPathRequest request_;
+  const v1::RenderPathRequest& request_;  // gRPC's, which outlives this
   const RenderLimits limits_;
   bool resolved_ = false;
   PathContent content_;
@@ -114,13 +118,14 @@ grpc::ServerUnaryReactor* RenderServiceImpl::RenderView(grpc::CallbackServerCont
     call.Hold(static_cast<int64_t>(response->ByteSizeLong()));
     return absl::OkStatus();
   };
-  return RunWithScene(gate_, context, name, pool_, scenes_, request->name(), check, work);
+  return RunWithScene(gate_, context, name, pool_, scenes_, request, check, work);
 }
 
 grpc::ServerWriteReactor<v1::RenderPathResponse>* RenderServiceImpl::RenderPath(
     grpc::CallbackServerContext* context, const v1::RenderPathRequest* request) {
   return RunStream<grpc::ServerWriteReactor<v1::RenderPathResponse>>(
-      gate_, context, {"RenderPath", CallKind::kPictureStream}, [&](std::shared_ptr<Call> call) {
+      gate_, context, {"RenderPath", CallKind::kPictureStream}, request,
+      [&](std::shared_ptr<Call> call) {
         return new PathStream(std::move(call), context, *request, scenes_, pool_, limits_);
       });
 }
@@ -158,7 +163,7 @@ grpc::ServerUnaryReactor* RenderServiceImpl::ListCameras(grpc::CallbackServerCon
     call.Hold(static_cast<int64_t>(response->ByteSizeLong()));
     return absl::OkStatus();
   };
-  return RunWithScene(gate_, context, name, pool_, scenes_, request->name(), check, work);
+  return RunWithScene(gate_, context, name, pool_, scenes_, request, check, work);
 }
 
 }  // namespace litags

@@ -13,23 +13,22 @@
 
 namespace litags {
 
-// As RunUnary(), with `work(call, cancel, scene)`; `job` is a name in the request. No scene is
+// As RunUnary(), with `work(call, cancel, scene)` of the job that the request names. No scene is
 // looked for unless `check(call)` is OK.
-template <typename Check, typename Work>
+template <typename Request, typename Check, typename Work>
 grpc::ServerUnaryReactor* RunWithScene(Gate* gate, grpc::CallbackServerContext* context,
                                        CallName name, ThreadPool* pool, SceneCache* scenes,
-                                       const std::string& job, Check check, Work work) {
+                                       const Request* request, Check check, Work work) {
   return RunUnaryInSteps(
-      gate, context, name, pool,
-      [=, &job, work = std::move(work)](Call& call, const CancelToken& cancel,
-                                        UnaryReactor* reactor) {
+      gate, context, name, pool, request,
+      [=, work = std::move(work)](Call& call, const CancelToken& cancel, UnaryReactor* reactor) {
         if (const absl::Status status = check(call); !status.ok()) return reactor->Answer(status);
         const auto answer = [=, &call, &cancel](const SceneCache::Result& scene) {
           if (cancel.IsCancelled()) return reactor->Answer(CallCancelled());
           reactor->Answer(scene.ok() ? work(call, cancel, **scene) : scene.status());
         };
         const auto snapshot = std::make_shared<SceneCache::Snapshot>();
-        const auto scene = scenes->Get(call, cancel, job, snapshot.get(),
+        const auto scene = scenes->Get(call, cancel, request->name(), snapshot.get(),
                                        [=, held = snapshot](const SceneCache::Result& loaded) {
                                          if (!loaded.ok()) return reactor->Answer(loaded.status());
                                          reactor->GoOn(pool, [=] { answer(loaded); });

@@ -47,6 +47,7 @@ struct ServerOptions {
   TlsOptions tls;         // none: plaintext
   AuthOptions auth;       // client_certificates follows from tls
   ClientLimits limits;
+  RequestLimits requests;
   AnswerLimits answers;
   UploadCpuLimits upload_cpu;
   ConnectionLimits connections;

@@ -12,6 +12,7 @@
 
 #include "absl/status/status.h"
 #include "engine/core/cancel.h"
+#include "google/protobuf/message.h"
 #include "server/api/cut_off.h"
 #include "server/api/gate.h"
 #include "server/api/grpc_order.h"
@@ -92,11 +93,12 @@ class UnaryReactor : public grpc::ServerUnaryReactor {
 // or WAITED_TOO_LONG.
 template <typename Work>
 grpc::ServerUnaryReactor* RunUnaryInSteps(Gate* gate, grpc::CallbackServerContext* context,
-                                          CallName name, ThreadPool* pool, Work work) {
+                                          CallName name, ThreadPool* pool,
+                                          const google::protobuf::Message* request, Work work) {
   auto* reactor = new UnaryReactor(context);
-  auto call = gate->Enter(context, name);
+  auto call = gate->Enter(context, name, request);
   if (!call.ok()) {
-    reactor->Finish(gate->Refuse(*context, name, call.status()));
+    reactor->Finish(gate->Refuse(*context, name, request, call.status()));
     return reactor;
   }
   const std::string client = (*call)->client().name;
@@ -113,8 +115,9 @@ grpc::ServerUnaryReactor* RunUnaryInSteps(Gate* gate, grpc::CallbackServerContex
 // were read.
 template <typename Response, typename Work>
 grpc::ServerUnaryReactor* RunUnary(Gate* gate, grpc::CallbackServerContext* context, CallName name,
-                                   ThreadPool* pool, const Response* response, Work work) {
-  return RunUnaryInSteps(gate, context, name, pool,
+                                   ThreadPool* pool, const google::protobuf::Message* request,
+                                   const Response* response, Work work) {
+  return RunUnaryInSteps(gate, context, name, pool, request,
                          [response, work = std::move(work)](Call& call, const CancelToken& cancel,
                                                             UnaryReactor* reactor) {
                            const absl::Status status = work(call, cancel);
@@ -133,12 +136,14 @@ class RefusedStream : public Reactor {
   void OnDone() override { delete this; }
 };
 
-// Makes the reactor of a stream, `make(call)`, or one that refuses it.
+// Makes the reactor of a stream, `make(call)`, or one that refuses it. The request, null if it
+// comes in parts, lives until the reactor hears of the call's end.
 template <typename Reactor, typename Make>
-Reactor* RunStream(Gate* gate, grpc::CallbackServerContext* context, CallName name, Make make) {
-  auto call = gate->Enter(context, name);
-  if (!call.ok()) return new RefusedStream<Reactor>(gate->Refuse(*context, name, call.status()));
-  return make(*std::move(call));
+Reactor* RunStream(Gate* gate, grpc::CallbackServerContext* context, CallName name,
+                   const google::protobuf::Message* request, Make make) {
+  auto call = gate->Enter(context, name, request);
+  if (call.ok()) return make(*std::move(call));
+  return new RefusedStream<Reactor>(gate->Refuse(*context, name, request, call.status()));
 }
 
 }  // namespace litags

@@ -65,8 +65,8 @@ bool UploadReactor::StopWaiting() {
 void UploadReactor::OnReadDone(bool ok) {
   AfterStart(this);
   timer_.Stop();
+  if (ok) waiting_bytes_ = static_cast<int64_t>(bytes_.Length());
   if (!StopWaiting()) return;  // finished
-  if (ok) call_->CountRead(static_cast<int64_t>(bytes_.Length()));
   Queue(ok);
 }
 
@@ -88,6 +88,7 @@ void UploadReactor::Step(bool ok) {
   shared_.cpu->Spend(call_->client().name,
                      std::max(ThreadCpuSeconds() - before, session_.TakeReadingSeconds()));
   CountArchive(session_.unpacks());
+  CountRead();
   if (!status.ok()) {
     return Finish(call_->End(absl::IsCancelled(status) ? CallCancelled() : status));
   }
@@ -108,14 +109,19 @@ void UploadReactor::CountArchive(bool unpacks) {
   shared_.archives->Add(call_->client().name, unpacks ? 1 : -1);
 }
 
+void UploadReactor::CountRead() {
+  if (waiting_bytes_ > 0) call_->CountRead(std::exchange(waiting_bytes_, 0));
+}
+
 absl::Status UploadReactor::Take() {
-  if (!grpc::SerializationTraits<Message>::Deserialize(&bytes_, &request_).ok()) {
+  v1::UploadImagesRequest request;  // gone when the stream waits for the next
+  if (!grpc::SerializationTraits<Message>::Deserialize(&bytes_, &request).ok()) {
     return InvalidInput("MESSAGE_UNREADABLE", "",
                         "a message of the stream is not an UploadImagesRequest, or holds a text "
                         "that is not UTF-8, such as a file's name; what came before is kept");
   }
-  call_->metrics().AddUploadedBytes(static_cast<int64_t>(request_.chunk().size()));
-  return session_.Handle(request_);
+  call_->metrics().AddUploadedBytes(static_cast<int64_t>(request.chunk().size()));
+  return session_.Handle(request);
 }
 
 absl::Status UploadReactor::Complete() {

@@ -4,6 +4,7 @@
 #include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/support/server_callback.h>
 
+#include <cstdint>
 #include <memory>
 #include <mutex>
 
@@ -33,7 +34,10 @@ class UploadReactor : public grpc::ServerReadReactor<grpc::ByteBuffer> {
  public:
   UploadReactor(std::shared_ptr<Call> call, grpc::ByteBuffer* response,
                 const UploadResources& shared);
-  ~UploadReactor() override { CountArchive(false); }
+  ~UploadReactor() override {
+    CountArchive(false);
+    CountRead();
+  }
 
   void OnReadDone(bool ok) override;
   void OnCancel() override { cancel_.Cancel(); }
@@ -49,6 +53,7 @@ class UploadReactor : public grpc::ServerReadReactor<grpc::ByteBuffer> {
   // Until the client may take another step; 0: now.
   double SecondsToWait() const;
   void CountArchive(bool unpacks);
+  void CountRead();  // the message, if there is one
   // Whether the call waits for the client; whoever gets true goes on with it, alone.
   bool StopWaiting();
 
@@ -59,7 +64,7 @@ class UploadReactor : public grpc::ServerReadReactor<grpc::ByteBuffer> {
   UploadSession session_;
   bool archive_counted_ = false;
   grpc::ByteBuffer bytes_;
-  v1::UploadImagesRequest request_;
+  int64_t waiting_bytes_ = 0;  // of a message that came and was not taken
   StallTimer timer_;
   std::mutex mutex_;
   bool waiting_ = false;

@@ -22,7 +22,7 @@ class WatchReactor : public FollowStream<EventRecord, v1::JobEvent> {
   absl::StatusOr<v1::JobEvent> Fill(const std::string& job_id, const EventRecord& event) override;
   bool IsOver(const JobRecord& job, int64_t last) const override;
 
-  const v1::WatchJobRequest request_;
+  const v1::WatchJobRequest& request_;  // gRPC's, which outlives this
 };
 
 // One GetLog stream.
@@ -37,7 +37,7 @@ class LogReactor : public FollowStream<LogEntry, v1::LogEntry> {
   absl::StatusOr<v1::LogEntry> Fill(const std::string& job_id, const LogEntry& entry) override;
   bool IsOver(const JobRecord& job, int64_t last) const override;
 
-  const v1::GetLogRequest request_;
+  const v1::GetLogRequest& request_;  // gRPC's, which outlives this
 };
 
 }  // namespace litags

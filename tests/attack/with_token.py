@@ -43,7 +43,7 @@ class Attacker:
     def left(self):
         return self.end - time.monotonic()
 
-    def unread(self, call, request):
+    def unread(self, call, request, pause_s=0.2):
         """Streams that are opened and not read; those that end are opened anew."""
         first = call(request, metadata=self.metadata, timeout=harness.PATIENCE_S)
         next(first)
@@ -54,7 +54,7 @@ class Attacker:
             streams = [stream for stream in streams if not stream.done()]
             while len(streams) < STREAMS:
                 streams.append(call(request, metadata=self.metadata))
-            time.sleep(0.2)
+            time.sleep(pause_s)
 
     def watches(self):
         """Watches with previews that nobody reads."""
@@ -65,6 +65,13 @@ class Attacker:
         """Pictures by the thousand that nobody reads."""
         self.unread(self.pictures.RenderPath, render.RenderPathRequest(
             name=self.args.job, orbit=render.Orbit(), frames=10000))
+
+    def requests(self):
+        """The same, with requests that are five times as large in memory as on the wire."""
+        path = render.RenderPathRequest(name=self.args.job, orbit=render.Orbit(), frames=10000)
+        grown = path.SerializeToString() + b"\xc0\x3e\x01" * 130_000  # fields that nobody knows
+        self.unread(self.channel.unary_stream("/litags.v1.RenderService/RenderPath",
+                                              response_deserializer=bytes), grown, pause_s=1)
 
     def exports(self):
         """Files that nobody reads."""
@@ -119,7 +126,7 @@ class Attacker:
         self.again_and_again("transforms.json", rpc.FILE_ROLE_CAMERAS, data)
 
 
-KINDS = ("watches", "paths", "exports", "archives", "cameras")
+KINDS = ("watches", "paths", "requests", "exports", "archives", "cameras")
 
 
 def main():
