@@ -72,9 +72,12 @@ struct Trainer::Impl {
     for (const TrainView& view : *v) given_poses.emplace_back(view.view.camera);
   }
 
+  // Those beyond the schedule go on as it ended.
+  int ScheduledIteration() const { return std::min(state.iteration, options.iterations); }
+
   // At full size.
   double Epochs() const {
-    return std::max(0, state.iteration - pyramid.CoarseEnd()) / static_cast<double>(num_views);
+    return std::max(0, ScheduledIteration() - pyramid.CoarseEnd()) / static_cast<double>(num_views);
   }
 
   double RateDecay() const {
@@ -84,7 +87,7 @@ struct Trainer::Impl {
 
   // A rate that falls over the run.
   double Falling(double first, double last) const {
-    return FallingRate(first, last, std::min(1.0, double(state.iteration) / options.iterations));
+    return FallingRate(first, last, double(ScheduledIteration()) / options.iterations);
   }
 
   Dropout MakeDropout() const {

@@ -369,21 +369,25 @@ TEST(Trainer, LearningRatesOfZeroFreezeTheMeans) {
   EXPECT_FALSE(SameBytes(before.splats.data(), after.splats.data()));
 }
 
+// The largest step of a colour in iteration `at`: Adam's are about the learning rate.
+double LargestStep(const TrainOptions& options, int at) {
+  Trainer trainer = MakeTrainer(options);
+  Train(&trainer, at);
+  const Splats before = trainer.Snapshot().splats;
+  Train(&trainer, at + 1);
+  const Splats after = trainer.Snapshot().splats;
+  double largest = 0;
+  for (size_t i = 0; i < before.size(); ++i)
+    largest = std::max(largest, std::abs(double(after.at(i, kShDc)) - before.at(i, kShDc)));
+  return largest;
+}
+
 TEST(Trainer, RatesFallByTheEpochsAtFullSize) {
-  // The largest step of a colour: Adam's are about the learning rate.
   const auto moved = [](double decay_epochs) {
     TrainOptions options = Options();
     options.recipe.densify_until = 0;
     options.recipe.lr_decay_epochs = decay_epochs;
-    Trainer trainer = MakeTrainer(options);
-    Train(&trainer, 32);
-    const Splats before = trainer.Snapshot().splats;
-    Train(&trainer, 33);
-    const Splats after = trainer.Snapshot().splats;
-    double largest = 0;
-    for (size_t i = 0; i < before.size(); ++i)
-      largest = std::max(largest, std::abs(double(after.at(i, kShDc)) - before.at(i, kShDc)));
-    return largest;
+    return LargestStep(options, 32);
   };
   // 32 iterations of 8 photos: 4 epochs, so 1 / (1 + 4 / 0.5) of the constant rate, more or less:
   // the two runs are at different places.
@@ -393,27 +397,40 @@ TEST(Trainer, RatesFallByTheEpochsAtFullSize) {
   EXPECT_GT(decayed, constant / 20);
 }
 
-TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSize) {
+TEST(Trainer, BeyondItsScheduleTheRatesAreThoseOfItsEnd) {
+  TrainOptions options = Options();
+  options.iterations = 32;
+  options.recipe.densify_until = 0;
+  options.recipe.lr_decay_epochs = 0.5;
+  // 40 epochs would leave a ninth of the rate after 4.
+  EXPECT_GT(LargestStep(options, 320), LargestStep(options, 32) / 4);
+}
+
+// Gaussians that iteration `at` leaves as they were, out of 300.
+int LeftOut(double dropout, int at, int scheduled) {
   const std::vector<TrainView> views = Views();
-  // Gaussians that iteration `at` leaves as they were, out of 300.
-  const auto left_out = [&](double dropout, int at) {
-    TrainOptions options = Options();
-    options.recipe.densify_until = 0;
-    options.recipe.dropout = dropout;
-    Trainer trainer(options, &views, Start(), SceneExtent(views));
-    Train(&trainer, at);
-    const Splats before = trainer.Snapshot().splats;
-    Train(&trainer, at + 1);
-    const Splats after = trainer.Snapshot().splats;
-    int same = 0;
-    for (size_t i = 0; i < before.size(); ++i) same += before.at(i, kShDc) == after.at(i, kShDc);
-    return same;
-  };
-  EXPECT_EQ(left_out(0.9, 0), left_out(0, 0)) << "all photos are new";
+  TrainOptions options = Options();
+  options.iterations = scheduled;
+  options.recipe.densify_until = 0;
+  options.recipe.dropout = dropout;
+  Trainer trainer(options, &views, Start(), SceneExtent(views));
+  Train(&trainer, at);
+  const Splats before = trainer.Snapshot().splats;
+  Train(&trainer, at + 1);
+  const Splats after = trainer.Snapshot().splats;
+  int same = 0;
+  for (size_t i = 0; i < before.size(); ++i) same += before.at(i, kShDc) == after.at(i, kShDc);
+  return same;
+}
+
+TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSize) {
+  EXPECT_EQ(LeftOut(0.9, 0, 500), LeftOut(0, 0, 500)) << "all photos are new";
   // 50 epochs of 8 photos: 0.9 x 50 / (50 + 50) = 0.45 of those in view; without it all are.
-  const int hidden = left_out(0, 400);
+  const int hidden = LeftOut(0, 400, 500);
   EXPECT_LT(hidden, 60);
-  EXPECT_NEAR(left_out(0.9, 400) - hidden, 0.45 * (300 - hidden), 35) << hidden;
+  EXPECT_NEAR(LeftOut(0.9, 400, 500) - hidden, 0.45 * (300 - hidden), 35) << hidden;
+  // Of a schedule of two epochs: 0.9 x 2 / (2 + 50) = 0.03.
+  EXPECT_NEAR(LeftOut(0.9, 400, 16) - hidden, 0.03 * (300 - hidden), 35) << "beyond the schedule";
 }
 
 }  // namespace
