@@ -115,8 +115,16 @@ struct Trainer::Impl {
     return step;
   }
 
+  // The number of the PDM's step in this iteration, from 1: it learns in some of those at full
+  // size.
+  int PdmStep() const {
+    const int every = options.recipe.pdm_every, first = pyramid.CoarseEnd();
+    return state.iteration / every - (first + every - 1) / every + 1;
+  }
+
   // False if a weight or moment is no longer finite.
-  bool UpdatePdm(const AdamStep& step) {
+  bool UpdatePdm() {
+    const AdamStep step(PdmStep(), AdamConstants());
     bool finite = true;
     for (size_t k = 0; k < state.pdm.nets.size(); ++k) {
       finite &=
@@ -274,7 +282,7 @@ absl::StatusOr<StepLosses> Trainer::Impl::Learn(size_t photo) {
   }
   Timer timer(&phases.backward);
   const AdamStep step = MakeAdamStep(settings.sh_degree);
-  if (denoise && !UpdatePdm(step)) {
+  if (denoise && !UpdatePdm()) {
     return Fail(false, "denoiser", "the denoiser's gradient is not finite", view.view.name);
   }
   if (const auto lost = UpdateSplats(step); lost.has_value()) {

@@ -433,5 +433,36 @@ TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSize) {
   EXPECT_NEAR(LeftOut(0.9, 400, 16) - hidden, 0.03 * (300 - hidden), 35) << "beyond the schedule";
 }
 
+// The largest step of the denoiser's weights in iteration `at`, over their rate.
+double LargestPdmStep(const TrainOptions& options, const std::vector<TrainView>& views, int at) {
+  Trainer trainer(options, &views, Start(), SceneExtent(views));
+  Train(&trainer, at);
+  const PdmWeights before = trainer.Snapshot().pdm;
+  Train(&trainer, at + 1);
+  const PdmWeights after = trainer.Snapshot().pdm;
+  double largest = 0;
+  for (size_t k = 0; k < before.nets.size(); ++k) {
+    for (size_t i = 0; i < before.nets[k].size(); ++i) {
+      largest = std::max(largest, std::abs(double(after.nets[k][i]) - before.nets[k][i]));
+    }
+  }
+  return largest / options.recipe.lr_pdm;
+}
+
+// Adam's first step is the rate, and so is a second one with the same gradient.
+TEST(Trainer, TheDenoiserCountsItsOwnSteps) {
+  const std::vector<TrainView> views = DarkViews(ColoredCloud(300, 1), 2, 128, 128);
+  TrainOptions options = Options();
+  options.recipe.coarse_levels = 1;
+  options.recipe.coarse_until = 0.5;  // 30 of 60 iterations
+  for (const int every : {1, 4}) {
+    options.recipe.pdm_every = every;
+    const int first = every == 1 ? 30 : 32;
+    EXPECT_EQ(LargestPdmStep(options, views, first - 1), 0) << every;
+    EXPECT_NEAR(LargestPdmStep(options, views, first), 1, 0.02) << every;
+    EXPECT_NEAR(LargestPdmStep(options, views, first + every), 1, 0.05) << every;
+  }
+}
+
 }  // namespace
 }  // namespace litags
