@@ -65,7 +65,7 @@ StepLosses Objective::Evaluate(const TrainView& view, const Planes& rendered,
   }
   StepLosses losses;
   CopyMasked(view.mask, rendered, target_);
-  losses.reconstruction = ReconstructionLoss(rendered, target_, weight, *v_rendered, workspace_);
+  losses.reconstruction = ExposureLoss(rendered, *v_rendered);  // 3DGS Eq. 7 is of the same form
   ZeroMasked(view.mask, *v_rendered);
   return losses;
 }

@@ -52,7 +52,8 @@ class Objective {
   // LITA-GS Eq. 16, with the terms of Eq. 14 and Eq. 15.
   StepLosses EvaluateLita(const TrainView& view, const Planes& rendered, const PdmWeights& weights,
                           int iteration, bool denoise, Planes* v_rendered, PdmWeights* v_weights);
-  // LITA-GS Eq. 11: L_exp. L1 to the pseudo-target, mixed with 1 - SSIM if the options ask for it.
+  // LITA-GS Eq. 11: L_exp, and 3DGS' loss. L1 to the pseudo-target, mixed with 1 - SSIM if the
+  // options ask for it.
   double ExposureLoss(PlanesView R, PlanesSpan v_R);
   void UnpackInformation(const PlaneU8& information);
   // Masked pixels of the photo and the pseudo-target become what is rendered there.

@@ -285,7 +285,27 @@ TEST(Objective, WithoutPriorAndDepthTheirChannelsAreFree) {
 TEST(Objective, Plain3dgsComparesColoursWithTheTarget) {
   TrainOptions options = Options();
   options.recipe.lita = false;
+  options.recipe.exposure_ssim = 0.2;
   CheckAllGradients(options, {0, 1, 2});
+}
+
+TEST(Objective, Plain3dgsHasTheConstantsOfItsRecipe) {
+  const TrainView view = SmallView();
+  const Planes rendered = RandomPlanes(3, kHeight, kWidth, 9);
+  const auto loss = [&](double weight, double ssim) {
+    TrainOptions options = Options();
+    options.recipe = Plain3dgs();
+    options.recipe.weight_exposure *= weight;
+    options.recipe.exposure_ssim += ssim;
+    return TotalLoss(options, view, rendered, {});
+  };
+  Planes target;
+  LossWorkspace workspace(1);
+  UnpackImage(view.target, workspace, &target);
+  EXPECT_EQ(loss(1, 0), ReconstructionLoss(rendered, target, 1, {}, workspace)) << "3DGS Eq. 7";
+  EXPECT_DOUBLE_EQ(loss(2, 0), 2 * loss(1, 0));
+  EXPECT_DOUBLE_EQ(loss(1, 0.8), SsimLoss(rendered, target, 1, {}, workspace));
+  EXPECT_DOUBLE_EQ(loss(1, -0.2), L1Loss(rendered, target, 1, {}, workspace));
 }
 
 TEST(Objective, TermsAreWeightedAndSumToTheTotal) {

@@ -3,6 +3,8 @@
 namespace litags {
 namespace {
 
+constexpr double k3dgsSsim = 0.2;  // 3DGS Eq. 7
+
 // Full size from the start, and whole photos where they are large, cost a multiple of the time for
 // no quality that was measured (docs/experiments/performance.md). Plain 3DGS has it, too, where
 // methods are compared.
@@ -38,7 +40,7 @@ Recipe Litags() {
   // (docs/experiments/structure-prior.md).
   r.prior_geometry = false;
   r.antialiased = true;
-  r.exposure_ssim = 0.2;  // 3DGS' share; L1 alone blurs
+  r.exposure_ssim = k3dgsSsim;  // L1 alone blurs
   // Noise of single photos is averaged rather than followed (docs/experiments/long-runs.md).
   r.lr_decay_epochs = 25;
   r.dropout = 0.35;
@@ -60,7 +62,7 @@ Recipe Plain3dgs() {
   r.tone.rule = Tone::kNone;
   r.use_pdm = r.use_prior = false;
   r.use_depth = false;
-  r.exposure_ssim = 0.2;  // 3DGS Eq. 7
+  r.exposure_ssim = k3dgsSsim;
   // As in Litags(), so that a comparison is not one of schedules.
   r.lr_decay_epochs = 25;
   SetPixelsOfIterations(&r);

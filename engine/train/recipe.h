@@ -76,8 +76,8 @@ struct Recipe {
   bool noise_filter = false;
 
   // Loss weights; paper.
-  double weight_exposure = 1.0;
-  double exposure_ssim = 0.0;  // L_exp = (1 - s) L1 + s (1 - SSIM); paper: 0
+  double weight_exposure = 1.0;  // of L_exp, which is all that plain 3DGS has
+  double exposure_ssim = 0.0;    // L_exp = (1 - s) L1 + s (1 - SSIM); paper: 0
   double weight_reconstruction = 1.0;
   double weight_prior = 0.1;
   double weight_depth = 0.1;
