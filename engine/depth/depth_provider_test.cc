@@ -216,5 +216,64 @@ TEST(ResizeDepth, KeepsEdgesAndUnknownPixels) {
   }
 }
 
+// A wall that is slanted, and things before it.
+DepthMap WallAndThings() {
+  DepthMap map{Planes(1, 9, 12), Planes(1, 9, 12)};
+  for (int y = 0; y < 9; ++y) {
+    for (int x = 0; x < 12; ++x) {
+      const bool thing = x % 5 < 2 && y > 5;
+      map.depth.at(0, y, x) = thing ? 2.0f : 3 + 0.01f * x + 0.1f * y;
+      map.confidence.at(0, y, x) = 1;
+    }
+  }
+  map.depth.at(0, 2, 3) = map.confidence.at(0, 2, 3) = 0;
+  return map;
+}
+
+TEST(ResizeDepth, OfAMapThatHasAnEdgeIsTheSameInAnyUnitAndOffset) {
+  DepthMap map = WallAndThings(), large;
+  map.edge = EdgeOf(map);
+  ResizeDepth(map, 36, 27, 1, &large);
+  EXPECT_EQ(large.edge, map.edge);
+  for (const auto& [unit, offset] : {std::pair{1000.0f, 0.0f}, {0.5f, 40.0f}, {2.0f, -6.5f}}) {
+    SCOPED_TRACE(offset);
+    DepthMap other = map, other_large;
+    for (size_t i = 0; i < map.depth.data.size(); ++i) {
+      if (map.confidence.data[i] > 0) other.depth.data[i] = unit * map.depth.data[i] + offset;
+    }
+    other.edge = EdgeOf(other);
+    ResizeDepth(other, 36, 27, 1, &other_large);
+    EXPECT_EQ(other_large.confidence.data, large.confidence.data);
+    for (size_t i = 0; i < large.depth.data.size(); ++i) {
+      const float z = large.depth.data[i];
+      const float expected = large.confidence.data[i] > 0 ? unit * z + offset : 0;
+      ASSERT_NEAR(other_large.depth.data[i], expected, 1e-4 * unit) << i;
+    }
+  }
+}
+
+// Nor is what is unknown taken for a surface, of a map whose depths lie around 0.
+TEST(ResizeDepth, OfAMapThatHasAnEdgeInventsNoDepth) {
+  DepthMap map{Planes(1, 1, 4), Planes(1, 1, 4)}, large;
+  map.depth.data = {-0.5f, 0, 0.5f, 9};
+  map.confidence.data = {1, 0, 1, 1};
+  map.edge = 1;
+  ResizeDepth(map, 12, 1, 1, &large);
+  for (const float z : large.depth.data) {
+    EXPECT_TRUE(z == -0.5f || z == 0 || z == 0.5f || z == 9) << z;
+  }
+}
+
+TEST(EdgeOf, IsAShareOfWhatTheKnownDepthsSpan) {
+  DepthMap map{Planes(1, 1, 101), Planes()};
+  for (int i = 0; i <= 100; ++i) map.depth.data[i] = 7 + 2.0f * i;
+  EXPECT_FLOAT_EQ(EdgeOf(map), 0.05f * 100);
+  map.depth.data[100] = 1e9;  // wild values change nothing
+  EXPECT_FLOAT_EQ(EdgeOf(map), 0.05f * 100);
+  map.confidence = Planes(1, 1, 101);
+  for (int i = 0; i <= 40; ++i) map.confidence.data[i] = 1;
+  EXPECT_FLOAT_EQ(EdgeOf(map), 0.05f * 40);
+}
+
 }  // namespace
 }  // namespace litags

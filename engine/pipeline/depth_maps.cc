@@ -238,6 +238,12 @@ void ForgetMasked(const PlaneU8& mask, DepthMap* map) {
   ForMasked(small, [&](size_t i) { map->depth.data[i] = map->confidence.data[i] = 0; });
 }
 
+// Whether maps tell how many times as far one thing is as another. Those of a network's inverse
+// depth are made so (network_depth.h).
+bool AreDistances(DepthOrigin origin, const DepthNetwork& network) {
+  return origin == DepthOrigin::kStereo || (origin == DepthOrigin::kNetwork && network.inverse);
+}
+
 std::vector<SparsePoint> PointsOfTraining(absl::Span<const SparsePoint> points,
                                           absl::Span<const int> point_views) {
   std::vector<SparsePoint> out(points.begin(), points.end());
@@ -387,8 +393,10 @@ absl::StatusOr<DepthMaps> MakeDepthMaps(const Context& context,
   int found = 0;
   for (size_t i = 0; i < photos.size(); ++i) {
     std::optional<DepthMap>& map = (*maps)[i];
-    found += map.has_value();
-    if (map.has_value() && photos[i].mask != nullptr) ForgetMasked(*photos[i].mask, &*map);
+    if (!map.has_value()) continue;
+    ++found;
+    if (photos[i].mask != nullptr) ForgetMasked(*photos[i].mask, &*map);
+    if (!AreDistances(origin, input.depth_network)) map->edge = EdgeOf(*map);
   }
   if (origin == DepthOrigin::kMaps) {
     if (found == 0) {

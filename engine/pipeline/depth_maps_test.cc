@@ -349,5 +349,41 @@ TEST(DepthMaps, ANetworkGivesMapsOfEveryPhoto) {
   EXPECT_FALSE(Bytes(Maps(input)) == kept);
 }
 
+TEST(DepthMaps, HaveAnEdgeUnlessTheyAreDistances) {
+  RoomCapture room(6);
+  room.TrackPointsEverywhere();
+  ReconstructInput input = room.Input("work");
+  input.depth_dir = room.Path("maps");
+  std::filesystem::create_directory(input.depth_dir);
+  for (int i = 0; i < 6; ++i) {
+    const std::string map = input.depth_dir + "/" + Stem(room.Name(i)) + ".pfm";
+    ASSERT_TRUE(WritePfm(map, room.Depth(i)).ok());
+  }
+  input.depth_network.path = input.work_dir + "/depth.onnx";
+  input.depth_network.width = 32;
+  input.depth_network.height = 24;
+  ASSERT_TRUE(
+      WriteFileAtomically(input.depth_network.path, PointwiseModel(24, 32, {1, 1, 1}, {0})).ok());
+  const auto have_edge = [&](DepthOrigin source, bool inverse) {
+    input.depth_network.inverse = inverse;
+    ReconstructOptions options = room.Options(1);
+    options.depth_source = source;
+    ReconstructReport report;
+    const CancelToken never;
+    const auto set =
+        MakeTrainSet(Context(
+                         input, options, never, [](Stage, const std::string&) {}, &report),
+                     kNoColmap);
+    EXPECT_TRUE(set.ok()) << set.status();
+    EXPECT_TRUE(set->train[0].depth.has_value());
+    return set->train[0].depth->edge.has_value();
+  };
+  EXPECT_TRUE(have_edge(DepthOrigin::kMaps, true));
+  EXPECT_FALSE(have_edge(DepthOrigin::kStereo, true));
+  EXPECT_FALSE(have_edge(DepthOrigin::kNetwork, true));
+  EXPECT_TRUE(have_edge(DepthOrigin::kNetwork, false));
+  EXPECT_TRUE(have_edge(DepthOrigin::kNetwork, false)) << "as they were kept";
+}
+
 }  // namespace
 }  // namespace litags

@@ -43,6 +43,7 @@ PlaneU8 HalfPlane(const PlaneU8& plane) {
 DepthMap HalfDepth(const DepthMap& map) {
   const int w = map.depth.width / 2, h = map.depth.height / 2;
   DepthMap out;
+  out.edge = map.edge;
   out.depth = Planes(1, h, w);
   if (!map.confidence.empty()) out.confidence = Planes(1, h, w);
   for (int y = 0; y < h; ++y) {

@@ -71,11 +71,13 @@ TEST(HalfSize, DepthIsTheMeanOfKnownPixels) {
   view.depth->depth.at(0, 1, 1) = 4;
   view.depth->confidence.at(0, 0, 0) = 1;
   view.depth->confidence.at(0, 1, 1) = 1;
+  view.depth->edge = 0.5;
   const DepthMap half = *HalfSize(view).depth;
   EXPECT_FLOAT_EQ(half.depth.at(0, 0, 0), 3);
   EXPECT_FLOAT_EQ(half.confidence.at(0, 0, 0), 0.5);
   EXPECT_FLOAT_EQ(half.depth.at(0, 1, 1), 0);
   EXPECT_FLOAT_EQ(half.confidence.at(0, 1, 1), 0);
+  EXPECT_EQ(half.edge, 0.5);
 }
 
 TEST(HalfSize, ASmallDepthMapStaysAsItIs) {
