@@ -10,9 +10,13 @@
 #include "engine/core/color.h"
 #include "engine/core/parallel.h"
 #include "engine/core/rng.h"
+#include "engine/target/tone_options.h"
 
 namespace litags {
 namespace {
+
+// The paper's theta has a name in each of the two folders, which may not include each other.
+static_assert(kEnhancedMean == ToneOptions().theta);
 
 // A room: two walls of different colour under light that falls off from left to right, with a
 // little noise; `exposure` is in linear light.
