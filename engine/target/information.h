@@ -12,7 +12,7 @@
 
 namespace litags {
 
-inline constexpr int kClippedCode = 254;       // that kClippedSample rounds to
+inline constexpr int kClippedCode = 254;       // the first with no sample below kClippedSample
 inline constexpr double kClippedNoise = 48;    // what a filled-in area may be wrong by. Choice
 inline constexpr double kToleratedNoise = 12;  // halves a weight. Choice
 
