@@ -95,6 +95,7 @@ struct ExecPlan {
   std::vector<char*> argv, envp;
   int input_fd;
   std::optional<SyscallFilter> filter;
+  std::optional<FileRuleset> files;
   int niceness;
   int fd_limit;
   pid_t parent;
@@ -107,6 +108,14 @@ struct ExecPlan {
   }
 };
 
+FileAccess MayOpen(const std::string& program, const std::vector<std::string>& env,
+                   const FileAccess& more) {
+  FileAccess access = AccessToRun(program, env);
+  access.read.insert(access.read.end(), more.read.begin(), more.read.end());
+  access.change.insert(access.change.end(), more.change.begin(), more.change.end());
+  return access;
+}
+
 absl::StatusOr<ExecPlan> MakePlan(const SubprocessOptions& options) {
   ExecPlan plan;
   plan.args = options.args;
@@ -115,7 +124,10 @@ absl::StatusOr<ExecPlan> MakePlan(const SubprocessOptions& options) {
   plan.argv = ExecPlan::Pointers(plan.args);
   plan.envp = ExecPlan::Pointers(plan.env);
   plan.input_fd = options.input_fd;
-  if (options.confined) plan.filter = SyscallFilter::ForProgram(Sockets::kNone);
+  if (options.confined) {
+    plan.filter = SyscallFilter::ForProgram(Sockets::kNone);
+    plan.files.emplace(MayOpen(plan.path, plan.env, options.files));
+  }
   plan.niceness = options.niceness;
   plan.fd_limit = static_cast<int>(std::clamp<long>(sysconf(_SC_OPEN_MAX), 256, 65536));
   plan.parent = getpid();
@@ -162,8 +174,12 @@ void CloseOnExecFrom(int first, int fd_limit) {
     errno = 0;
     if (nice(plan.niceness) == -1 && errno != 0) fail();
   }
+  // A kernel that has none of this is no reason to run nothing.
+  if (plan.files) {
+    errno = plan.files->Apply();
+    if (errno != 0 && errno != ENOSYS) fail();
+  }
   if (plan.filter) {
-    // A kernel that allows neither is no reason to run nothing.
     KeepFilePowersOnly();
     plan.filter->Apply();
   }

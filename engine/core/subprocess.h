@@ -12,6 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "engine/core/cancel.h"
+#include "engine/core/file_ruleset.h"
 
 namespace litags {
 
@@ -31,8 +32,10 @@ struct SubprocessOptions {
   int niceness = 0;            // added to ours, 0..19
   int input_fd = -1;           // its stdin; -1: /dev/null
   // It works on strangers' bytes, and needs no network: SyscallFilter::ForProgram() without
-  // sockets, and KeepFilePowersOnly(), as far as the kernel allows.
+  // sockets, KeepFilePowersOnly(), and of files only `files` and AccessToRun(), as far as the
+  // kernel allows.
   bool confined = false;
+  FileAccess files;
   std::function<void(std::string_view line)> on_line;  // each output line, in the calling thread
 
   // INVALID_ARGUMENT naming the field that breaks its rule.

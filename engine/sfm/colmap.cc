@@ -116,7 +116,9 @@ absl::StatusOr<SubprocessResult> Colmap::Run(std::vector<std::string> args,
   child.args.insert(child.args.end(),
                     {"--random_seed", absl::StrCat(options_.seed), "--log_to_stderr", "1"});
   child.env.assign(std::begin(kEnvironment), std::end(kEnvironment));
+  child.env.push_back("TMPDIR=" + dir_);  // of its databases
   child.confined = true;
+  child.files.change = {dir_};
   child.log_path = absl::StrCat(dir_, "/", log_name, ".log");
   child.timeout_seconds = options_.step_timeout_seconds;
   child.on_line = [this, &on_line](std::string_view line) {

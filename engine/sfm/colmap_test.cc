@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -44,8 +45,11 @@ class ExtractFeatures : public ::testing::Test {
     }
     fake_.SetDatabase(names, features, {});
     fake_.Execute("UPDATE keypoints SET rows = 99 WHERE image_id = 2");
-    fake_.On("feature_extractor", "cat \"$list\" >> \"$fake/calls\"; echo 'Processed file [1/1]'");
+    fake_.On("feature_extractor",
+             "while read -r name; do note \"$name\"; done < \"$list\"; "
+             "echo 'Processed file [1/1]'");
     options_.colmap = fake_.program();
+    options_.on_line = [this](std::string_view line) { fake_.Hear(line); };
     options_.max_features = 100;
     const std::string rung = fake_.dir() + "/rung";
     std::filesystem::create_directories(rung);

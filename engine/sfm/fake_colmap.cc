@@ -22,14 +22,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// FAKE becomes the folder. The rung is the folder that the database lies in.
+constexpr std::string_view kCall = "CALL ";
+
+// FAKE becomes the folder. The rung is the folder that the database lies in, the only one that may
+// be written to.
 constexpr char kScript[] = R"sh(#!/bin/sh
 fake='FAKE'
 if [ "$1" = help ]; then
   echo "COLMAP $(cat "$fake/version") -- a fake"
   exit
 fi
-echo "$@" >> "$fake/calls"
+note() { echo "CALL $*"; }
+note "$@"
 command=$1
 shift
 while [ $# -gt 1 ]; do
@@ -42,10 +46,11 @@ while [ $# -gt 1 ]; do
   esac
   shift 2
 done
-rung=$(basename "$(dirname "$db")")
+room=$(dirname "$db")
+rung=$(basename "$room")
 if [ -f "$fake/on_$command" ]; then . "$fake/on_$command"; fi
 case $command in
-  feature_extractor) cp "$fake/database.db" "$db" ;;
+  feature_extractor) cp "${found:-$fake/database.db}" "$db" ;;
   mapper) if [ -d "$fake/models_$rung" ]; then cp -r "$fake/models_$rung/." "$out"; fi ;;
 esac
 )sh";
@@ -165,11 +170,14 @@ void FakeColmap::AddModel(int rung, int number, const SparseModel& model) const 
   WriteModel(absl::StrCat(dir_, "/models_", rung, "/", number), model);
 }
 
+void FakeColmap::Hear(std::string_view line) {
+  std::lock_guard lock(mutex_);
+  if (line.starts_with(kCall)) calls_.emplace_back(line.substr(kCall.size()));
+}
+
 std::vector<std::string> FakeColmap::Calls() const {
-  std::ifstream file(dir_ + "/calls");
-  std::vector<std::string> calls;
-  for (std::string line; std::getline(file, line);) calls.push_back(line);
-  return calls;
+  std::lock_guard lock(mutex_);
+  return calls_;
 }
 
 SparseModel CopiesModel(const std::string& folder, int width, int height,

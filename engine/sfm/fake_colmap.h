@@ -4,7 +4,9 @@
 #define LITAGS_ENGINE_SFM_FAKE_COLMAP_H_
 
 #include <array>
+#include <mutex>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -27,8 +29,9 @@ class FakeColmap {
   // Photos dir()/photos/p0.png, p1.png ... of one sRGB level with some texture.
   std::string MakePhotos(int count, int width, int height, int level) const;
 
-  // Shell code run at the start of `command` ("mapper"); $rung, $db, $out, $images, $list,
-  // $in are set.
+  // Shell code run at the start of `command` ("mapper"); $rung, $db, $out, $images, $list, $in
+  // are set, and $room, the rung's folder, the only one that it can write to: what is called .log
+  // in it stays. `note WORDS` adds to Calls(), and the database in $found replaces the one below.
   void On(const std::string& command, const std::string& shell_code) const;
 
   // The database that feature_extractor leaves: image ids 1.. in the order of `names`, each with
@@ -46,11 +49,15 @@ class FakeColmap {
   // Adds a model that the mapper of rung `rung` (0..) hands out.
   void AddModel(int rung, int number, const SparseModel& model) const;
 
-  // One line per call but of help: the command and its arguments.
+  // Takes a line of its output, as SfmOptions::on_line.
+  void Hear(std::string_view line);
+  // One line per call but of help, among those that were heard: the command and its arguments.
   std::vector<std::string> Calls() const;
 
  private:
   std::string dir_;
+  mutable std::mutex mutex_;
+  std::vector<std::string> calls_;
 };
 
 // A model of the copies `width`x`height`/00000<i>.png for i in photos, with focal length 50 px,

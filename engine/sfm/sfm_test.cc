@@ -65,11 +65,11 @@ TEST_F(SfmTest, PhotosOfOneSizeAndFocalLengthShareACamera) {
     const std::string jpeg = EncodeJpeg(ReadImage(path, "").value()).value();
     ASSERT_TRUE(WriteFileAtomically(path, WithJpegExif(jpeg, FocalBlock(52, 425, 100))).ok());
   }
-  colmap_.On("mapper", "cp -r \"$(dirname \"$db\")/images\" \"$fake/images\"");
+  colmap_.On("mapper", "cp -r \"$room/images\" \"$room/images.log\"");
   const auto result = FindCameras(photos, colmap_.dir() + "/work", options_, cancel_);
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_THAT(result->notes, Contains("2 cameras: 3 photos of 128x96, 3 photos of 128x96_52mm"));
-  const std::string images = colmap_.dir() + "/images";
+  const std::string images = colmap_.dir() + "/work/sfm/0/images.log";
   EXPECT_TRUE(std::filesystem::exists(images + "/128x96/000002.png"));
   EXPECT_TRUE(std::filesystem::exists(images + "/128x96_52mm/000003.png"));
 }
@@ -97,11 +97,11 @@ TEST_F(SfmTest, ColmapGetsMasksOfTheCopies) {
   std::fill(mask.data.begin() + 128 * 10, mask.data.end(), kCounts);
   options_.masks["p2.png"] = colmap_.dir() + "/mask.png";
   ASSERT_TRUE(WriteFileAtomically(options_.masks["p2.png"], EncodeMask(mask).value()).ok());
-  colmap_.On("mapper", "cp -r \"$(dirname \"$db\")/masks\" \"$fake/masks\"");
+  colmap_.On("mapper", "cp -r \"$room/masks\" \"$room/masks.log\"");
   ASSERT_TRUE(Find().ok());
   EXPECT_THAT(colmap_.Calls(), Contains(HasSubstr("--ImageReader.mask_path " + colmap_.dir() +
                                                   "/work/sfm/0/masks")));
-  const std::string masks = colmap_.dir() + "/masks";
+  const std::string masks = colmap_.dir() + "/work/sfm/0/masks.log";
   EXPECT_FALSE(std::filesystem::exists(masks + "/128x96/000001.png.png"))
       << "a photo without a mask has one";
   const auto copy = ReadImage(masks + "/128x96/000002.png.png", "mask");
@@ -116,7 +116,7 @@ TEST_F(SfmTest, ColmapIsCalledOnTheCpuWithinItsBounds) {
   options_.seed = 11;
   options_.max_features = 500;
   colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
-  colmap_.On("mapper", "echo $QT_QPA_PLATFORM $OMP_NUM_THREADS >> \"$fake/calls\"");
+  colmap_.On("mapper", "note $QT_QPA_PLATFORM $OMP_NUM_THREADS");
   ASSERT_TRUE(Find().ok());
   const std::vector<std::string> calls = colmap_.Calls();
   ASSERT_THAT(calls, SizeIs(4));
@@ -148,11 +148,11 @@ TEST_F(SfmTest, KnownLensesStayAsTheyAre) {
 TEST_F(SfmTest, OfManyPhotosTheMostSimilarAreMatched) {
   options_.match_all_up_to = 5;
   options_.similar_photos = 1;
-  colmap_.On("matches_importer", "cp \"$db.pairs.txt\" \"$fake/pairs\"");
+  colmap_.On("matches_importer", "cp \"$db.pairs.txt\" \"$room/pairs.log\"");
   colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
   ASSERT_TRUE(Find().ok());
   // All look the same, so that each pair has the first photos or neighbours: not all of the 15.
-  std::ifstream pairs(colmap_.dir() + "/pairs");
+  std::ifstream pairs(colmap_.dir() + "/work/sfm/0/pairs.log");
   int lines = 0;
   for (std::string line; std::getline(pairs, line);) ++lines;
   EXPECT_LT(lines, 15);
@@ -261,15 +261,20 @@ TEST_F(SfmTest, AKilledStepStartsItsRungAfreshAndChangesNothing) {
   const auto undisturbed = Find();
   ASSERT_TRUE(undisturbed.ok()) << undisturbed.status();
   const size_t calls = colmap_.Calls().size();
+  const std::string kill = colmap_.dir() + "/kill";
+  options_.on_line = [&](std::string_view line) {
+    colmap_.Hear(line);
+    if (line == "dying") std::filesystem::remove(kill);
+  };
   for (const char* command : {"feature_extractor", "matches_importer", "mapper"}) {
-    colmap_.On(command, absl::StrCat("if [ ! -e \"$fake/killed\" ]; then touch \"$fake/killed\"; "
-                                     "touch \"$(dirname \"$db\")/stray\"; kill -9 $$; fi"));
+    colmap_.On(command,
+               "if [ -e \"$fake/kill\" ]; then touch \"$room/stray\"; echo dying; kill -9 $$; fi");
+    std::ofstream(kill) << "once";
     const auto result = Find();
     ASSERT_TRUE(result.ok()) << command << ": " << result.status();
     EXPECT_EQ(result->rungs.size(), 1u);
     EXPECT_EQ(FormatTransforms(result->model, ""), FormatTransforms(undisturbed->model, ""));
     EXPECT_FALSE(std::filesystem::exists(colmap_.dir() + "/work/sfm/0/stray"));
-    std::filesystem::remove(colmap_.dir() + "/killed");
     colmap_.On(command, ":");
   }
   EXPECT_EQ(colmap_.Calls().size(), 4 * calls + 1 + 2 + 3);
@@ -293,7 +298,7 @@ TEST_F(SfmTest, AnotherColmapIsRefusedBeforeItsFirstStep) {
     EXPECT_THAT(std::string(status.message()),
                 HasSubstr(absl::StrCat("is version ", version, ",")));
   }
-  EXPECT_FALSE(std::filesystem::exists(colmap_.dir() + "/calls"));
+  EXPECT_TRUE(colmap_.Calls().empty());
   colmap_.SetVersion("3.8.1");
   colmap_.AddModel(0, 0, Model({0, 1, 2, 3, 4, 5}, 7));
   EXPECT_TRUE(Find().ok());
@@ -307,14 +312,14 @@ TEST_F(SfmTest, AHangingStepTimesOut) {
 }
 
 TEST_F(SfmTest, CancellationEndsAHangingStep) {
-  colmap_.On("mapper", "touch \"$fake/hanging\"; trap '' TERM; while :; do sleep 0.1; done");
+  colmap_.On("mapper", "touch \"$room/hanging\"; trap '' TERM; while :; do sleep 0.1; done");
   absl::Status status;
   std::atomic<bool> done = false;
   std::thread runner([&] {
     status = Find().status();
     done = true;
   });
-  while (!std::filesystem::exists(colmap_.dir() + "/hanging") && !done) {
+  while (!std::filesystem::exists(colmap_.dir() + "/work/sfm/0/hanging") && !done) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   const auto start = std::chrono::steady_clock::now();
@@ -479,8 +484,7 @@ TEST_F(SfmTest, PointsOfALaterPreparationAreTakenWhereTheFirstHasNone) {
   SeeWorldPoints(KnownCameras(), {0, 1, 2, 3, 4, 5});
   std::filesystem::copy(colmap_.database(), colmap_.dir() + "/good.db");
   colmap_.On("feature_extractor",
-             "if [ $rung = 0 ]; then cp \"$fake/empty.db\" \"$fake/database.db\"; "
-             "else cp \"$fake/good.db\" \"$fake/database.db\"; fi");
+             "if [ $rung = 0 ]; then found=\"$fake/empty.db\"; else found=\"$fake/good.db\"; fi");
   const auto result =
       TriangulatePoints(photos, KnownCameras(), colmap_.dir() + "/work", options_, cancel_);
   ASSERT_TRUE(result.ok()) << result.status();

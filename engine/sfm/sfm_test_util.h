@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -23,6 +24,7 @@ class SfmTest : public ::testing::Test {
  protected:
   SfmTest() {
     options_.colmap = colmap_.program();
+    options_.on_line = [this](std::string_view line) { colmap_.Hear(line); };
     options_.max_image_side = 64;
     options_.threads = 1;
     colmap_.SetDatabase(CopyNames({0, 1, 2, 3, 4, 5}), kFeatures, {{0, 1}, {1, 2}, {0, 2}, {3, 4}});

@@ -327,6 +327,7 @@ absl::StatusOr<PickedFrames> PickFramesInto(const std::string& dir, const std::s
   child.env = {"OMP_NUM_THREADS=1", "OPENBLAS_NUM_THREADS=1", "OPENCV_FOR_THREADS_NUM=1"};
   child.input_fd = frames.get();
   child.confined = true;
+  child.files.read = {path};
   child.grace_seconds = 0;  // it has nothing to put in order
   child.on_line = [&](std::string_view line) { listener.Hear(line); };
   const auto result = RunSubprocess(child, cancel);

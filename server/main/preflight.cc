@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/file_ruleset.h"
 #include "engine/core/sandbox.h"
 #include "engine/io/file_util.h"
 #include "engine/sfm/colmap_version.h"
@@ -104,11 +105,19 @@ bool ReportSpace(const StorePlaces::Folder& folder) {
 // What a kernel lacks is for the operator to judge: nothing fails.
 void ReportConfinement() {
   if (SyscallFilter::Supported()) {
-    return Print("ok", "confinement", "COLMAP and readers of files have no sockets (seccomp)");
+    Print("ok", "confinement", "COLMAP and readers of files have no sockets (seccomp)");
+  } else {
+    Print("note", "confinement",
+          "this kernel or container filters no system calls (seccomp): COLMAP and readers of files "
+          "are not kept from the network; run on Linux 3.17 or later, with seccomp allowed");
   }
-  Print("note", "confinement",
-        "this kernel or container filters no system calls (seccomp): COLMAP and readers of files "
-        "are not kept from the network; run on Linux 3.17 or later, with seccomp allowed");
+  if (FileRuleset::Supported()) {
+    Print("ok", "confinement", "COLMAP opens no files but the job's and programs (Landlock)");
+  } else {
+    Print("note", "confinement",
+          "this kernel or container keeps no program from files (Landlock): COLMAP may read all "
+          "that this user may; run on Linux 5.13 or later, with Landlock allowed");
+  }
 }
 
 }  // namespace

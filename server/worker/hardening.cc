@@ -14,6 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/file_ruleset.h"
 #include "engine/core/sandbox.h"
 
 namespace litags {
@@ -95,6 +96,7 @@ std::vector<std::string> HardenProcess(const HardeningOptions& options) {
     note(false, "fewer system calls, for COLMAP neither");
     if (!left) note(false, "no network");
   }
+  note(FileRuleset::Supported(), "COLMAP kept from files that are not the job's (Landlock)");
   HideFromOtherProcesses();
   return refused;
 }

@@ -33,7 +33,7 @@ constexpr int kOutOfMemoryExitCode = 4;
 // exits with kOutOfMemoryExitCode.
 //
 // Call before a second thread exists: the kernel moves single-threaded processes only. Returns in
-// words what this kernel did not allow; that is not an error.
+// words what this kernel did not allow, or will not allow COLMAP to be kept from; that is no error.
 std::vector<std::string> HardenProcess(const HardeningOptions& options);
 
 }  // namespace litags

@@ -1,18 +1,20 @@
 #include "server/worker/hardening.h"
-#include "engine/core/sandbox.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
 #include <netinet/in.h>
 #include <sched.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstddef>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -20,7 +22,11 @@
 #include <iterator>
 #include <string>
 
+#include "absl/strings/str_join.h"
 #include "engine/core/error.h"
+#include "engine/core/file_ruleset.h"
+#include "engine/core/sandbox.h"
+#include "engine/core/subprocess.h"
 #include "engine/core/temp_dir_test_util.h"
 
 namespace litags {
@@ -166,6 +172,49 @@ TEST(Hardening, FilesStayThoseOfTheUser) {
                             }),
             0);
   EXPECT_TRUE(std::filesystem::exists(dir.path() + "/after"));
+}
+
+// What a confined program said that a hardened process started to look into two folders, of which
+// one is its own: "own" and "other", where it could.
+std::string SeenByConfinedProgram() {
+  TempDir own, other;
+  std::ofstream(own.path() + "/file") << "own\n";
+  std::ofstream(other.path() + "/file") << "other\n";
+  SubprocessOptions program;
+  program.args = {"/bin/sh", "-c", "cat $0/file $1/file 2> /dev/null", own.path(), other.path()};
+  program.confined = true;
+  program.files.change = {own.path()};
+  const auto result = RunSubprocess(program, CancelToken());
+  return result.ok() ? result->tail : result.status().ToString();
+}
+
+TEST(Hardening, ConfinedProgramsReadNoFilesButTheirOwn) {
+  if (!FileRuleset::Supported()) GTEST_SKIP() << "this kernel has no Landlock";
+  EXPECT_EQ(InHardenedChild({}, [] { return SeenByConfinedProgram() == "own" ? 0 : 1; }), 0);
+}
+
+// As a kernel without it, or a container that forbids it.
+bool ForbidLandlock() {
+  sock_filter lines[] = {
+      BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+      BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_landlock_create_ruleset, 0, 1),
+      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOSYS),
+      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+  };
+  const sock_fprog program = {std::size(lines), lines};
+  return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
+         prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
+}
+
+TEST(Hardening, WithoutLandlockItSaysSoAndProgramsRun) {
+  EXPECT_EQ(InHardenedChild({},
+                            [] {
+                              if (!ForbidLandlock()) return 1;
+                              const std::string refused = absl::StrJoin(HardenProcess({}), "\n");
+                              if (refused.find("(Landlock)") == std::string::npos) return 2;
+                              return SeenByConfinedProgram() == "own\nother" ? 0 : 3;
+                            }),
+            0);
 }
 
 TEST(Hardening, MemoryTooSmallToStartInIsRefused) {
