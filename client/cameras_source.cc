@@ -43,7 +43,9 @@ uint64_t ImagesOf(const fs::path& dir) {
 fs::path LargestModel(const fs::path& dir) {
   std::vector<fs::path> models = {dir};
   std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator(dir, ignored)) models.push_back(entry.path());
+  for (fs::directory_iterator it(dir, ignored), end; !ignored && it != end; it.increment(ignored)) {
+    models.push_back(it->path());
+  }
   std::erase_if(models, [](const fs::path& folder) { return !IsColmapModel(folder); });
   std::sort(models.begin(), models.end());
   const auto largest = std::max_element(
@@ -81,8 +83,9 @@ uintmax_t ListBytes(const fs::path& model) {
 std::map<fs::path, Source> SourcesIn(const fs::path& dir, const std::string& photos) {
   constexpr int kMostFolders = 3;
   std::map<fs::path, Source> sources;
-  std::error_code ignored;
-  for (fs::recursive_directory_iterator it(dir, ignored), end; it != end; it.increment(ignored)) {
+  std::error_code error, ignored;
+  fs::recursive_directory_iterator it(dir, fs::directory_options::skip_permission_denied, error);
+  for (const fs::recursive_directory_iterator end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string();
     const bool hidden = name.starts_with('.');
     if (hidden || it.depth() == kMostFolders || (it.depth() == 0 && IsLeftOut(name, photos))) {

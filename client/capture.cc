@@ -79,14 +79,17 @@ struct PhotoFolder {
 std::vector<PhotoFolder> FoldersWithPhotos(const fs::path& dir) {
   std::vector<PhotoFolder> folders;
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(dir, error)) {
-    const std::string name = entry.path().filename().string();
-    if (name.starts_with(".") || name == "masks" || !entry.is_directory(error)) continue;
-    PhotoFolder folder{entry.path(), {}};
-    for (const auto& inner : fs::directory_iterator(entry.path(), error)) {
-      const bool hidden = inner.path().filename().string().starts_with(".");
-      if (hidden || !HasEnding(inner.path(), v1::kPhotoEndings)) continue;
-      folder.photos.push_back(inner.path().filename().string());
+  const fs::directory_iterator end;
+  for (fs::directory_iterator it(dir, error); !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    std::error_code ignored;
+    if (name.starts_with(".") || name == "masks" || !it->is_directory(ignored)) continue;
+    PhotoFolder folder{it->path(), {}};
+    for (fs::directory_iterator inner(it->path(), ignored); !ignored && inner != end;
+         inner.increment(ignored)) {
+      const bool hidden = inner->path().filename().string().starts_with(".");
+      if (hidden || !HasEnding(inner->path(), v1::kPhotoEndings)) continue;
+      folder.photos.push_back(inner->path().filename().string());
     }
     std::sort(folder.photos.begin(), folder.photos.end());
     if (!folder.photos.empty()) folders.push_back(std::move(folder));
@@ -193,8 +196,9 @@ void AppendBundlerList(LocalFile* cameras) {
   const fs::path folder = fs::absolute(cameras->path, ignored).parent_path();
   std::vector<fs::path> paths = {fs::path(absl::StrCat(stem, ".list.txt")), folder / "list.txt"};
   std::vector<fs::path> others;
-  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
-    if (entry.path().extension() == ".lst") others.push_back(entry.path());
+  for (fs::directory_iterator it(folder, ignored), end; !ignored && it != end;
+       it.increment(ignored)) {
+    if (it->path().extension() == ".lst") others.push_back(it->path());
   }
   if (others.size() == 1) paths.push_back(others[0]);
   for (const fs::path& path : paths) {
@@ -238,7 +242,8 @@ absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::File
                      "; give the folder that holds the ", things));
   }
   bool empty = true;
-  for (const auto& entry : fs::directory_iterator(dir, error)) {
+  for (fs::directory_iterator it(dir, error), end; !error && it != end; it.increment(error)) {
+    const fs::directory_entry& entry = *it;
     if (entry.path().filename().string().starts_with(".")) continue;
     empty = false;
     std::error_code entry_error;
@@ -288,9 +293,9 @@ absl::Status AddDepth(const std::string& dir, Capture* capture) {
 
 bool HoldsAny(const fs::path& dir, Endings endings) {
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(dir, error)) {
-    const bool hidden = entry.path().filename().string().starts_with(".");
-    if (!hidden && HasEnding(entry.path(), endings)) return true;
+  for (fs::directory_iterator it(dir, error), end; !error && it != end; it.increment(error)) {
+    const bool hidden = it->path().filename().string().starts_with(".");
+    if (!hidden && HasEnding(it->path(), endings)) return true;
   }
   return false;
 }

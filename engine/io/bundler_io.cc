@@ -15,6 +15,7 @@
 #include "absl/strings/strip.h"
 #include "engine/core/counted.h"
 #include "engine/core/utf8.h"
+#include "engine/io/file_util.h"
 #include "engine/io/io_error.h"
 #include "engine/io/model_util.h"
 
@@ -205,12 +206,10 @@ std::string BundlerListOf(const std::string& path) {
        {fs::path(absl::StrCat(stem, ".list.txt")), fs::path(path).parent_path() / "list.txt"}) {
     if (fs::is_regular_file(list, ignored)) return list;
   }
-  std::vector<std::string> lists;
-  for (const auto& entry :
-       fs::directory_iterator(fs::absolute(path, ignored).parent_path(), ignored)) {
-    if (entry.path().extension() == ".lst") lists.push_back(entry.path());
-  }
-  return lists.size() == 1 ? lists[0] : "";
+  const fs::path dir = fs::absolute(path, ignored).parent_path();
+  const auto lists = ListFiles(
+      dir, "", [](const std::string& name) { return fs::path(name).extension() == ".lst"; });
+  return lists.ok() && lists->size() == 1 ? dir / lists->front() : fs::path();
 }
 
 }  // namespace litags

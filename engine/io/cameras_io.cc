@@ -56,11 +56,13 @@ uint64_t ImagesOf(const fs::path& dir) {
 
 // The folder itself or one in it: the COLMAP model with most images; empty: there is none.
 fs::path LargestModel(const fs::path& dir) {
-  std::vector<fs::path> found = {dir};
-  std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator(dir, ignored)) found.push_back(entry.path());
-  std::erase_if(found, [](const fs::path& folder) { return !IsColmapModel(folder); });
-  std::sort(found.begin(), found.end());
+  std::vector<fs::path> found;
+  if (IsColmapModel(dir)) found.push_back(dir);
+  const auto inner = ListNames(
+      dir, "", [](const fs::directory_entry& entry) { return IsColmapModel(entry.path()); });
+  if (inner.ok()) {
+    for (const std::string& name : *inner) found.push_back(dir / name);
+  }
   const auto largest = std::max_element(
       found.begin(), found.end(),
       [](const fs::path& a, const fs::path& b) { return ImagesOf(a) < ImagesOf(b); });

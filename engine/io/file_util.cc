@@ -165,9 +165,9 @@ int RemoveStaleTempFiles(const std::string& dir) {
   return removed;
 }
 
-absl::StatusOr<std::vector<std::string>> ListFiles(
+absl::StatusOr<std::vector<std::string>> ListNames(
     const std::string& dir, std::string_view field,
-    absl::FunctionRef<bool(const std::string& name)> accept) {
+    absl::FunctionRef<bool(const std::filesystem::directory_entry& entry)> accept) {
   std::error_code error;
   std::filesystem::directory_iterator it(dir, error), end;
   if (error) {
@@ -177,9 +177,7 @@ absl::StatusOr<std::vector<std::string>> ListFiles(
   }
   std::vector<std::string> names;
   for (; it != end; it.increment(error)) {
-    std::error_code ignored;
-    const std::string name = it->path().filename().string();
-    if (accept(name) && !it->is_directory(ignored)) names.push_back(name);
+    if (accept(*it)) names.push_back(it->path().filename().string());
   }
   if (error) {
     return FieldError(absl::StatusCode::kInternal, "IO_ERROR", field,
@@ -187,6 +185,15 @@ absl::StatusOr<std::vector<std::string>> ListFiles(
   }
   std::sort(names.begin(), names.end());
   return names;
+}
+
+absl::StatusOr<std::vector<std::string>> ListFiles(
+    const std::string& dir, std::string_view field,
+    absl::FunctionRef<bool(const std::string& name)> accept) {
+  return ListNames(dir, field, [&](const std::filesystem::directory_entry& entry) {
+    std::error_code ignored;
+    return accept(entry.path().filename().string()) && !entry.is_directory(ignored);
+  });
 }
 
 absl::Status ValidateFileName(std::string_view name, std::string_view field) {

@@ -3,6 +3,7 @@
 #define LITAGS_ENGINE_IO_FILE_UTIL_H_
 
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
@@ -33,8 +34,13 @@ absl::Status WriteFileAtomically(const std::string& path, absl::Span<const std::
 // writer, when it starts. Returns how many there were.
 int RemoveStaleTempFiles(const std::string& dir);
 
-// Names in `dir` that `accept` takes, sorted, but for folders: a link to a file that is gone is
-// among them. `field` names the folder in errors. NOT_FOUND (NO_SUCH_FOLDER), INTERNAL (IO_ERROR).
+// Names of what lies in `dir`, folders too, that `accept` takes, sorted. `field` names the folder
+// in errors. NOT_FOUND (NO_SUCH_FOLDER), INTERNAL (IO_ERROR): not all of it could be read.
+absl::StatusOr<std::vector<std::string>> ListNames(
+    const std::string& dir, std::string_view field,
+    absl::FunctionRef<bool(const std::filesystem::directory_entry& entry)> accept);
+
+// The same but for folders: a link to a file that is gone is among them.
 absl::StatusOr<std::vector<std::string>> ListFiles(
     const std::string& dir, std::string_view field,
     absl::FunctionRef<bool(const std::string& name)> accept);

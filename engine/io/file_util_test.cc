@@ -15,7 +15,10 @@
 #include "engine/core/error_test_util.h"
 #include "engine/core/sync_test_util.h"
 #include "engine/core/temp_dir_test_util.h"
+#include "engine/io/bundler_io.h"
+#include "engine/io/cameras_io.h"
 #include "engine/io/link_file.h"
+#include "engine/io/readdir_test_util.h"
 #include "engine/io/work_folder.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -247,6 +250,36 @@ TEST(MakeEmptyFolder, LeavesNothingOfWhatWasThereAndSaysWhatItCannotMake) {
     EXPECT_EQ(Reason(refused), "FOLDER_NOT_WRITABLE");
     EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr("file/sfm"));
   }
+}
+
+TEST(ListNames, FoldersAndFilesAreSorted) {
+  TempDir dir;
+  std::filesystem::create_directory(dir / "b");
+  for (const char* name : {"c.lst", "a"}) std::ofstream(dir / name) << "x";
+  const auto names = ListNames(dir.path(), "f", [](const std::filesystem::directory_entry& entry) {
+    return entry.path().filename() != "a";
+  });
+  EXPECT_THAT(names.value(), testing::ElementsAre("b", "c.lst"));
+  const auto all = [](const std::filesystem::directory_entry&) { return true; };
+  EXPECT_EQ(Reason(ListNames(dir / "none", "f", all).status()), "NO_SUCH_FOLDER");
+}
+
+TEST(ListNames, AFolderThatCannotBeReadToItsEndIsAnErrorOrEmptyAndThrowsNothing) {
+  TempDir dir;
+  for (const char* name : {"a.lst", "bundle.out"}) std::ofstream(dir / name) << "x";
+  std::filesystem::create_directories(dir / "sparse/0");
+  std::ofstream(dir / "sparse/0/cameras.txt") << "x";
+  EXPECT_EQ(BundlerListOf(dir / "bundle.out"), dir / "a.lst");
+  EXPECT_EQ(ResolveCameras(dir / "sparse"), dir / "sparse/0");
+
+  const auto all = [](const std::string&) { return true; };
+  readdirs_before_failure = 3;
+  EXPECT_EQ(Reason(ListFiles(dir.path(), "f", all).status()), "IO_ERROR");
+  readdirs_before_failure = 3;
+  EXPECT_EQ(BundlerListOf(dir / "bundle.out"), "");
+  readdirs_before_failure = 2;
+  EXPECT_EQ(ResolveCameras(dir / "sparse"), dir / "sparse");
+  EXPECT_EQ(readdirs_before_failure, -1) << "the C++ library reads folders by another function";
 }
 
 }  // namespace

@@ -15,6 +15,7 @@
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/core/monotonic_seconds.h"
+#include "engine/io/file_util.h"
 #include "engine/io/work_folder.h"
 #include "engine/sfm/colmap_version.h"
 #include "engine/sfm/exposure.h"
@@ -42,11 +43,11 @@ struct Capture {
 // Copies and databases are large and of no further use; the logs stay.
 void DropBulk(const std::string& rung_dir) {
   std::error_code ignored;  // leftovers are cleared by the next call
-  std::vector<fs::path> bulk;
-  for (const auto& entry : fs::directory_iterator(rung_dir, ignored)) {
-    if (entry.path().extension() != ".log") bulk.push_back(entry.path());
-  }
-  for (const fs::path& path : bulk) fs::remove_all(path, ignored);
+  const auto bulk = ListNames(rung_dir, "", [](const fs::directory_entry& entry) {
+    return entry.path().extension() != ".log";
+  });
+  if (!bulk.ok()) return;
+  for (const std::string& name : *bulk) fs::remove_all(fs::path(rung_dir) / name, ignored);
 }
 
 // Lets the first report of each step through, then one per `least_seconds`.

@@ -12,6 +12,12 @@ TEST_FILE = re.compile(r"test|conformance|^fake_|^reference_renderer|^scalar_mat
 FOR_ALL = {"engine": "engine/core", "server": "engine/core"}
 
 
+def is_of_tests(path):
+    pure = pathlib.PurePath(path)
+    return bool(path.startswith("tests/") or TEST_FILE.search(pure.name)
+                or "testing" in pure.parent.parts)
+
+
 class PageError(Exception):
     """The page's tables cannot be read, or contradict themselves."""
 
@@ -79,7 +85,7 @@ class Arrows:
             yield f"{path}: its folder has no row in {PAGE}; add one"
             return
         layer = folder.split("/")[0]
-        is_test = TEST_FILE.search(pathlib.PurePath(path).name) or folder.endswith("/testing")
+        is_test = is_of_tests(path)
         may = self.folders[folder]
         if is_test:
             may = set().union(*({f} | to for f, to in self.folders.items()

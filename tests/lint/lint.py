@@ -1,4 +1,4 @@
-"""Checks the project's C++ files: format, include arrows, and clang-tidy.
+"""Checks the project's C++ files: format, include arrows, loops over folders, and clang-tidy.
 
 clang-tidy takes some 10 s a file, so it checks the sources that changed since $LITAGS_LINT_BASE (a
 commit; without it origin/main, else HEAD~1), or with --all every source of the build.
@@ -14,6 +14,7 @@ import subprocess
 import sys
 
 import arrows
+import folder_loops
 from cpp_files import cpp_files
 
 
@@ -98,11 +99,14 @@ def main():
     args = parser.parse_args()
     problems = check_arrows(args.source)
     print("\n".join([*problems, f"lint: includes: {len(problems)} without an arrow"]), flush=True)
+    loops = [p for f in cpp_files(args.source)
+             for p in folder_loops.problems(f, args.source.joinpath(f).read_text())]
+    print("\n".join([*loops, f"lint: loops over folders: {len(loops)} throw"]), flush=True)
     format_script = pathlib.Path(__file__).with_name("format.py")
     formatted = subprocess.run([sys.executable, "-B", format_script, "--check", args.source],
                                check=False).returncode == 0
     tidy = run_clang_tidy(args.source, args.build, args.all)
-    return 0 if not problems and formatted and tidy else 1
+    return 0 if not problems and not loops and formatted and tidy else 1
 
 
 if __name__ == "__main__":

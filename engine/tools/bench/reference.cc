@@ -1,11 +1,11 @@
 #include "engine/tools/bench/reference.h"
 
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <map>
 #include <vector>
 
+#include "engine/io/file_util.h"
 #include "engine/tools/bench/reference_case.h"
 
 namespace litags {
@@ -31,11 +31,13 @@ const std::map<std::string, Runner>& Runners() {
 std::vector<fs::path> FindCases(const fs::path& folder) {
   std::error_code ignored;
   if (fs::exists(folder / "case.json", ignored)) return {folder};
+  const auto names = ListNames(folder, "", [](const fs::directory_entry& entry) {
+    std::error_code unseen;
+    return fs::exists(entry.path() / "case.json", unseen);
+  });
   std::vector<fs::path> cases;
-  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
-    if (fs::exists(entry.path() / "case.json", ignored)) cases.push_back(entry.path());
-  }
-  std::sort(cases.begin(), cases.end());
+  if (!names.ok()) return cases;
+  for (const std::string& name : *names) cases.push_back(folder / name);
   return cases;
 }
 

@@ -6,6 +6,7 @@
 #include <initializer_list>
 #include <optional>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/match.h"
@@ -13,6 +14,7 @@
 #include "engine/core/error.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/dataset_layout.h"
+#include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/tools/inspect/folder_contents.h"
 #include "proto/arguments/arguments.h"
@@ -41,10 +43,13 @@ Kind KindOf(const std::string& folder, const std::string& name) {
   return IsPhotoName(name) ? Kind::kPhoto : Kind::kOther;
 }
 
-std::vector<DatasetFile> FilesIn(const fs::path& dir) {
+// None if `dir` is no folder. A folder in it that may not be read is left out.
+absl::StatusOr<std::vector<DatasetFile>> FilesIn(const fs::path& dir) {
   std::vector<DatasetFile> files;
-  std::error_code ignored;
-  for (fs::recursive_directory_iterator it(dir, ignored), end; it != end; it.increment(ignored)) {
+  std::error_code error, ignored;
+  if (!fs::is_directory(dir, ignored)) return files;
+  fs::recursive_directory_iterator it(dir, fs::directory_options::skip_permission_denied, error);
+  for (const fs::recursive_directory_iterator end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename();
     if (name.starts_with('.') || it.depth() == kMostFolders) it.disable_recursion_pending();
     if (name.starts_with('.') || !it->is_regular_file(ignored)) continue;
@@ -53,6 +58,11 @@ std::vector<DatasetFile> FilesIn(const fs::path& dir) {
     file.kind = KindOf(file.folder, name);
     if (file.kind == Kind::kModel) file.bytes = static_cast<int64_t>(it->file_size(ignored));
     files.push_back(std::move(file));
+  }
+  if (error) {
+    return MakeError(
+        absl::StatusCode::kInternal, "IO_ERROR", "dir",
+        absl::StrCat("cannot list the folder '", dir.string(), "': ", error.message()));
   }
   // The order of a folder's files is the disk's.
   std::sort(files.begin(), files.end(),
@@ -71,17 +81,17 @@ std::string FolderIn(const fs::path& dir, std::initializer_list<const char*> nam
 
 // Whether one of its files ends as those that FindDepthMap looks for.
 bool HoldsDepthMaps(const std::string& dir) {
-  std::error_code ignored;
-  const fs::directory_iterator files(dir, ignored);
-  return std::any_of(begin(files), end(files), [](const fs::directory_entry& file) {
-    const std::string ending = file.path().extension();
+  const auto maps = ListFiles(dir, "depth", [](const std::string& name) {
+    const std::string ending = fs::path(name).extension();
     return ending == ".png" || ending == ".pfm" || ending == ".npy";
   });
+  return maps.ok() && !maps->empty();
 }
 
-std::optional<DatasetFolder> ReadDatasetFolder(const std::string& dir) {
+absl::StatusOr<std::optional<DatasetFolder>> ReadDatasetFolder(const std::string& dir) {
   if (ListPhotos(dir, "dir").ok()) return std::nullopt;
-  const DatasetLayout layout(FilesIn(dir));
+  LITAGS_ASSIGN_OR_RETURN(std::vector<DatasetFile> files, FilesIn(dir));
+  const DatasetLayout layout(std::move(files));
   if (layout.photos().empty() || fs::path(layout.photos()).has_parent_path()) return std::nullopt;
   DatasetFolder found;
   found.photos = fs::path(dir) / layout.photos();
@@ -101,7 +111,7 @@ std::optional<DatasetFolder> ReadDatasetFolder(const std::string& dir) {
 
 absl::Status UseDatasetFolder(bool with_cameras, std::string* photos, std::string* cameras,
                               std::string* masks, std::string* depth) {
-  const std::optional<DatasetFolder> dataset = ReadDatasetFolder(*photos);
+  LITAGS_ASSIGN_OR_RETURN(const std::optional<DatasetFolder> dataset, ReadDatasetFolder(*photos));
   if (!dataset) return absl::OkStatus();
   const auto use = [](const char* what, const std::string& path, std::string* out) {
     if (path.empty() || !out->empty()) return;

@@ -1,6 +1,5 @@
 #include "engine/tools/inspect/folder_contents.h"
 
-#include <algorithm>
 #include <filesystem>
 #include <set>
 #include <system_error>
@@ -9,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
+#include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/video/video_file.h"
 
@@ -30,15 +30,12 @@ std::string Listed(std::vector<std::string> names) {
 
 // What is not hidden, sorted: folders, or all else.
 std::vector<std::string> NamesIn(const std::string& dir, bool folders) {
-  std::vector<std::string> names;
-  std::error_code ignored;
-  for (const fs::directory_entry& entry : fs::directory_iterator(dir, ignored)) {
-    std::string name = entry.path().filename();
-    if (name.starts_with('.')) continue;
-    if (entry.is_directory(ignored) == folders) names.push_back(std::move(name));
-  }
-  std::sort(names.begin(), names.end());
-  return names;
+  const auto names = ListNames(dir, "dir", [&](const fs::directory_entry& entry) {
+    std::error_code ignored;
+    return !entry.path().filename().string().starts_with('.') &&
+           entry.is_directory(ignored) == folders;
+  });
+  return names.ok() ? *names : std::vector<std::string>();
 }
 
 // What `litags submit` takes as an archive of photos.

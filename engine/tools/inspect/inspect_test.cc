@@ -21,6 +21,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
 #include "engine/io/mask_io.h"
+#include "engine/io/readdir_test_util.h"
 #include "engine/tools/contact_sheet/contact_sheet.h"
 #include "engine/tools/inspect/dataset_folder.h"
 #include "engine/tools/inspect/photo_sheet.h"
@@ -274,6 +275,26 @@ TEST(DatasetFolder, OfSeveralCamerasTheFirstOfTheListIsTaken) {
     }
     ASSERT_TRUE(status.ok()) << status;
     EXPECT_EQ(cameras.empty() ? "-" : CameraLayout::Seen(cameras, dir), layout.alone);
+  }
+}
+
+TEST(DatasetFolder, ThatCannotBeReadToItsEndIsAnErrorNotASmallerOne) {
+  TempDir temp;
+  const std::string dir = temp / "d";
+  fs::create_directories(dir + "/images");
+  ASSERT_TRUE(WriteFileAtomically(dir + "/images/a.jpg", "x").ok());
+  ASSERT_TRUE(WriteFileAtomically(dir + "/transforms.json", "x").ok());
+  const auto use = [&] {
+    std::string photos = dir, cameras, masks, depth;
+    return UseDatasetFolder(true, &photos, &cameras, &masks, &depth);
+  };
+  ASSERT_TRUE(use().ok());
+  // It is read for photos of its own, for other pictures (each ".", "..", two names and the end),
+  // and then with its folders.
+  for (const int before : {10, 13}) {
+    readdirs_before_failure = before;
+    EXPECT_EQ(Reason(use()), "IO_ERROR") << before;
+    EXPECT_EQ(readdirs_before_failure, -1);
   }
 }
 
