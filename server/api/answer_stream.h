@@ -56,6 +56,9 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
   Call& call() { return *call_; }
   const CancelToken& cancel() const { return cancel_; }
 
+  // Makes the messages after this one on another pool. In Next().
+  void MoveTo(ThreadPool* pool) { pool_ = pool; }
+
   void GoOn() {
     pool_->Run(call_->client().name, [this] { Step(); });
   }
@@ -86,7 +89,7 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
 
   const std::shared_ptr<Call> call_;
   grpc::CallbackServerContext* const context_;
-  ThreadPool* const pool_;
+  ThreadPool* pool_;
   CancelToken cancel_;
   StallTimer timer_;
   double waited_seconds_ = 0;  // for room

@@ -135,10 +135,11 @@ absl::StatusOr<int64_t> WriteModel(const Scene& scene, const v1::ExportModelRequ
 class ExportStream : public SceneStream<v1::ExportModelResponse> {
  public:
   ExportStream(std::shared_ptr<Call> call, grpc::CallbackServerContext* context,
-               const v1::ExportModelRequest& request, SceneCache* scenes, ThreadPool* pool,
-               const std::string& tmp, int threads, SharedRoom* room)
-      : SceneStream(std::move(call), context, pool, scenes),
+               const v1::ExportModelRequest& request, SceneCache* scenes, ThreadPool* writes,
+               ThreadPool* sends, const std::string& tmp, int threads, SharedRoom* room)
+      : SceneStream(std::move(call), context, writes, scenes),
         request_(request),
+        sends_(sends),
         path_(absl::StrCat(tmp, "/export-", RandomHex(8))),
         threads_(threads),
         room_(room) {
@@ -156,6 +157,7 @@ class ExportStream : public SceneStream<v1::ExportModelResponse> {
       const absl::Status status = Prepare(*scene, message->mutable_header());
       unlink(path_.c_str());  // what is open stays readable, and nothing is left behind
       LITAGS_RETURN_IF_ERROR(status);
+      MoveTo(sends_);
       return Made::kMessage;
     }
     if (sent_bytes_ == file_bytes_) return Made::kEnd;
@@ -196,6 +198,7 @@ class ExportStream : public SceneStream<v1::ExportModelResponse> {
   }
 
   const v1::ExportModelRequest& request_;  // gRPC's, which outlives this
+  ThreadPool* const sends_;
   const std::string path_;
   const int threads_;
   SharedRoom* const room_;
@@ -210,8 +213,8 @@ grpc::ServerWriteReactor<v1::ExportModelResponse>* ModelServiceImpl::ExportModel
   return RunStream<grpc::ServerWriteReactor<v1::ExportModelResponse>>(
       gate_, context, {"ExportModel", CallKind::kPictureStream}, request,
       [&](std::shared_ptr<Call> call) {
-        return new ExportStream(std::move(call), context, *request, scenes_, pool_, tmp_, threads_,
-                                &room_);
+        return new ExportStream(std::move(call), context, *request, scenes_, writes_, sends_, tmp_,
+                                threads_, &room_);
       });
 }
 

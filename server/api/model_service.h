@@ -11,16 +11,17 @@
 
 namespace litags {
 
-// Handlers of litags.v1.ModelService. Files are written by the render pool.
+// Handlers of litags.v1.ModelService.
 class ModelServiceImpl : public v1::ModelService::CallbackService {
  public:
   // All must outlive this; `tmp` is a folder for files in flight, which may hold `max_bytes`.
-  // Pictures that an export makes use `threads`.
-  ModelServiceImpl(Gate* gate, SceneCache* scenes, ThreadPool* pool, std::string tmp,
-                   int64_t max_bytes, int threads)
+  // Files are written by one pool and sent by another. Pictures that an export makes use `threads`.
+  ModelServiceImpl(Gate* gate, SceneCache* scenes, ThreadPool* writes, ThreadPool* sends,
+                   std::string tmp, int64_t max_bytes, int threads)
       : gate_(gate),
         scenes_(scenes),
-        pool_(pool),
+        writes_(writes),
+        sends_(sends),
         tmp_(std::move(tmp)),
         threads_(threads),
         room_(max_bytes) {}
@@ -31,7 +32,8 @@ class ModelServiceImpl : public v1::ModelService::CallbackService {
  private:
   Gate* const gate_;
   SceneCache* const scenes_;
-  ThreadPool* const pool_;
+  ThreadPool* const writes_;
+  ThreadPool* const sends_;
   const std::string tmp_;
   const int threads_;
   SharedRoom room_;  // of files that are being read

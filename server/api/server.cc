@@ -94,6 +94,9 @@ class GrpcServer : public Server {
                    options.blob_threads - 1),
         render_pool_(options.render_threads, options.max_waiting_pictures,
                      RenderQueueFull(options.max_waiting_pictures)),
+        // One at a time: an export may take minutes, and more memory than all pictures together.
+        export_pool_(1, options.max_waiting_pictures,
+                     RenderQueueFull(options.max_waiting_pictures)),
         load_pool_(1, options.max_waiting_pictures, RenderQueueFull(options.max_waiting_pictures)),
         own_reader_(options.reader ? nullptr : MakeInProcessReader()),
         hub_(jobs),
@@ -102,7 +105,7 @@ class GrpcServer : public Server {
                         {&blob_pool_, options.reader ? options.reader : own_reader_.get(),
                          &upload_cpu_, &archives_}),
         render_(&gate_, &scenes_, &render_pool_, options.render),
-        model_(&gate_, &scenes_, &render_pool_, jobs->data().tmp(),
+        model_(&gate_, &scenes_, &export_pool_, &render_pool_, jobs->data().tmp(),
                options.answers.max_export_bytes, options.render.threads) {}
 
   ~GrpcServer() override { Shutdown(); }
@@ -186,6 +189,7 @@ class GrpcServer : public Server {
     store_pool_.Stop();
     blob_pool_.Stop();
     load_pool_.Stop();  // its tasks go on there
+    export_pool_.Stop();
     render_pool_.Stop();
     server_.reset();
   }
@@ -202,7 +206,7 @@ class GrpcServer : public Server {
   Gate gate_;
   CpuBudget upload_cpu_;  // before the threads that spend it
   SharedRoom archives_;
-  ThreadPool store_pool_, blob_pool_, render_pool_, load_pool_;
+  ThreadPool store_pool_, blob_pool_, render_pool_, export_pool_, load_pool_;
   const std::unique_ptr<FileReader> own_reader_;
   EventHub hub_;
   SceneCache scenes_;

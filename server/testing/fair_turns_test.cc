@@ -4,7 +4,9 @@
 
 #include <atomic>
 #include <chrono>
+#include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <thread>
@@ -19,6 +21,7 @@
 #include "server/store/digest.h"
 #include "server/testing/access_fixture.h"
 #include "server/testing/archives.h"
+#include "server/testing/eventually.h"
 #include "server/testing/photos.h"
 
 namespace litags {
@@ -227,6 +230,49 @@ TEST_F(FairTurns, BytesThatTheClientHasAreNotDecodedAgain) {
   EXPECT_EQ(response.files_stored(), 2);
   EXPECT_EQ(Photos("alice", hers), 3);
   EXPECT_EQ(Upload("bob", his, {"sent.png", known}).reason, "IMAGE_NOT_RECOGNIZED");
+}
+
+class LongExports : public ApiTest {
+ protected:
+  std::string Finished(const std::string& first_photo) {
+    const std::string job = client_.StartedJob({first_photo, "b", "c"}, 10);
+    client_.WaitFor(job, v1::JOB_STATE_SUCCEEDED);
+    return job;
+  }
+  int FilesInFlight() const {
+    const std::filesystem::directory_iterator files(data_.tmp());
+    return static_cast<int>(std::distance(begin(files), end(files)));
+  }
+};
+
+TEST_F(LongExports, AreWrittenOneAtATimeAndHoldUpNoPictures) {
+  StartWorker();
+  const std::string heavy = Finished("heavy"), light = Finished("a");
+  ServerOptions options = Options();
+  options.listen = "127.0.0.1:0";
+  options.render_threads = 1;
+  server_ = *StartServer(options, &jobs_, engine_.get());
+  const Stubs stubs(grpc::CreateChannel(absl::StrCat("127.0.0.1:", server_->port()),
+                                        grpc::InsecureChannelCredentials()));
+  std::vector<std::unique_ptr<ClientCall>> calls;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::ExportModelResponse>>> exports;
+  for (int i = 0; i < 3; ++i) {  // each takes 20 s
+    calls.push_back(std::make_unique<ClientCall>());
+    exports.push_back(
+        stubs.model->ExportModel(calls.back().get(), Named<v1::ExportModelRequest>(heavy)));
+  }
+  ASSERT_TRUE(Eventually([&] { return FilesInFlight() > 0; }));
+  v1::RenderViewRequest request;
+  request.set_name(light);
+  request.mutable_pose()->set_camera("b.png");
+  ClientCall call;
+  call.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(10));
+  v1::RenderedView view;
+  const grpc::Status status = stubs.render->RenderView(&call, request, &view);
+  EXPECT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(FilesInFlight(), 1);
+  for (const auto& export_call : calls) export_call->TryCancel();
+  for (const auto& reader : exports) EXPECT_EQ(reader->Finish().error_code(), grpc::CANCELLED);
 }
 
 class MaxWait : public ApiTest {};

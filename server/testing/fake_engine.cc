@@ -77,10 +77,7 @@ class FakeScene : public Scene {
 
   absl::StatusOr<Planes> Render(const RenderRequest& request) const override {
     LITAGS_RETURN_IF_ERROR(request.camera.Validate("camera"));
-    for (int i = 0; heavy_ && i < 4000; ++i) {
-      LITAGS_RETURN_IF_ERROR(request.cancel.Check());
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
+    LITAGS_RETURN_IF_ERROR(TakeTime(request.cancel));
     const bool colour =
         request.channel == Channel::kColor || request.channel == Channel::kOriginal ||
         request.channel == Channel::kLight || request.channel == Channel::kIllumination ||
@@ -116,8 +113,8 @@ class FakeScene : public Scene {
                       request.crop ? request.crop->max[2] : 0, " aa ", request.antialiased,
                       " threads ", request.threads);
     }
-    const absl::Status written = Write(path, kind);
-    if (!written.ok()) return written;
+    LITAGS_RETURN_IF_ERROR(Write(path, kind));
+    LITAGS_RETURN_IF_ERROR(TakeTime(request.cancel));
     return request.max_splats > 0 ? request.max_splats : num_gaussians();
   }
   absl::Status ExportFullPly(const std::string& path) const override {
@@ -128,6 +125,15 @@ class FakeScene : public Scene {
   }
 
  private:
+  // Twenty seconds, if it is heavy.
+  absl::Status TakeTime(const CancelToken& cancel) const {
+    for (int i = 0; heavy_ && i < 4000; ++i) {
+      LITAGS_RETURN_IF_ERROR(cancel.Check());
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return absl::OkStatus();
+  }
+
   // Larger than one chunk of an export.
   absl::Status Write(const std::string& path, const std::string& kind) const {
     std::ofstream file(path, std::ios::binary);
