@@ -82,9 +82,7 @@ void AddConnectionOptions(CLI::App& app, litags::client::ConnectionOptions& opti
   if (const char* token = std::getenv("LITAGS_TOKEN")) options.token = token;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int Main(int argc, char** argv) {
   if (const auto exit = litags::client::MaybeInspect(argc, argv)) return *exit;
   // What gRPC logs of failed connections is in our errors, once and in plain words.
   setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
@@ -122,4 +120,10 @@ int main(int argc, char** argv) {
   litags::client::AddInspectCommand(app, session);
   if (const auto exit = litags::ParseArguments(app, argc, argv)) return *exit;
   return litags::FlushOutput(session.exit_code, litags::client::kExitServerError);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return litags::RunProgram("litags", [&] { return Main(argc, argv); });
 }
