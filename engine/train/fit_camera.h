@@ -15,8 +15,7 @@ constexpr int kFitSteps = 150;
 
 struct FittedCamera {
   Camera camera;
-  bool finite =
-      true;  // false: a step's gradient was not, and the camera is that of the step before
+  bool finite = true;  // false: a gradient was not, and the camera is that of the step before
 };
 
 // Where a photo that `model` was not trained on was taken, from where view.view.camera says it was:
