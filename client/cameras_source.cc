@@ -12,6 +12,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "client/folder.h"
 #include "client/status.h"
 
 namespace litags::client {
@@ -43,9 +44,7 @@ uint64_t ImagesOf(const fs::path& dir) {
 fs::path LargestModel(const fs::path& dir) {
   std::vector<fs::path> models = {dir};
   std::error_code ignored;
-  for (fs::directory_iterator it(dir, ignored), end; !ignored && it != end; it.increment(ignored)) {
-    models.push_back(it->path());
-  }
+  for (const fs::directory_entry& entry : EntriesOf(dir, &ignored)) models.push_back(entry.path());
   std::erase_if(models, [](const fs::path& folder) { return !IsColmapModel(folder); });
   std::sort(models.begin(), models.end());
   const auto largest = std::max_element(

@@ -19,6 +19,7 @@
 #include "absl/strings/strip.h"
 #include "absl/types/span.h"
 #include "client/cameras_source.h"
+#include "client/folder.h"
 #include "client/report/text.h"
 #include "client/status.h"
 #include "proto/litags/v1/limits.h"
@@ -78,18 +79,15 @@ struct PhotoFolder {
 // (engine/tools/inspect/folder_contents.cc).
 std::vector<PhotoFolder> FoldersWithPhotos(const fs::path& dir) {
   std::vector<PhotoFolder> folders;
-  std::error_code error;
-  const fs::directory_iterator end;
-  for (fs::directory_iterator it(dir, error); !error && it != end; it.increment(error)) {
-    const std::string name = it->path().filename().string();
-    std::error_code ignored;
-    if (name.starts_with(".") || name == "masks" || !it->is_directory(ignored)) continue;
-    PhotoFolder folder{it->path(), {}};
-    for (fs::directory_iterator inner(it->path(), ignored); !ignored && inner != end;
-         inner.increment(ignored)) {
-      const bool hidden = inner->path().filename().string().starts_with(".");
-      if (hidden || !HasEnding(inner->path(), v1::kPhotoEndings)) continue;
-      folder.photos.push_back(inner->path().filename().string());
+  std::error_code ignored;
+  for (const fs::directory_entry& entry : EntriesOf(dir, &ignored)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with(".") || name == "masks" || !entry.is_directory(ignored)) continue;
+    PhotoFolder folder{entry.path(), {}};
+    for (const fs::directory_entry& inner : EntriesOf(entry.path(), &ignored)) {
+      const bool hidden = inner.path().filename().string().starts_with(".");
+      if (hidden || !HasEnding(inner.path(), v1::kPhotoEndings)) continue;
+      folder.photos.push_back(inner.path().filename().string());
     }
     std::sort(folder.photos.begin(), folder.photos.end());
     if (!folder.photos.empty()) folders.push_back(std::move(folder));
@@ -196,9 +194,8 @@ void AppendBundlerList(LocalFile* cameras) {
   const fs::path folder = fs::absolute(cameras->path, ignored).parent_path();
   std::vector<fs::path> paths = {fs::path(absl::StrCat(stem, ".list.txt")), folder / "list.txt"};
   std::vector<fs::path> others;
-  for (fs::directory_iterator it(folder, ignored), end; !ignored && it != end;
-       it.increment(ignored)) {
-    if (it->path().extension() == ".lst") others.push_back(it->path());
+  for (const fs::directory_entry& entry : EntriesOf(folder, &ignored)) {
+    if (entry.path().extension() == ".lst") others.push_back(entry.path());
   }
   if (others.size() == 1) paths.push_back(others[0]);
   for (const fs::path& path : paths) {
@@ -242,8 +239,7 @@ absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::File
                      "; give the folder that holds the ", things));
   }
   bool empty = true;
-  for (fs::directory_iterator it(dir, error), end; !error && it != end; it.increment(error)) {
-    const fs::directory_entry& entry = *it;
+  for (const fs::directory_entry& entry : EntriesOf(dir, &error)) {
     if (entry.path().filename().string().starts_with(".")) continue;
     empty = false;
     std::error_code entry_error;
@@ -292,10 +288,10 @@ absl::Status AddDepth(const std::string& dir, Capture* capture) {
 }
 
 bool HoldsAny(const fs::path& dir, Endings endings) {
-  std::error_code error;
-  for (fs::directory_iterator it(dir, error), end; !error && it != end; it.increment(error)) {
-    const bool hidden = it->path().filename().string().starts_with(".");
-    if (!hidden && HasEnding(it->path(), endings)) return true;
+  std::error_code ignored;
+  for (const fs::directory_entry& entry : EntriesOf(dir, &ignored)) {
+    const bool hidden = entry.path().filename().string().starts_with(".");
+    if (!hidden && HasEnding(entry.path(), endings)) return true;
   }
   return false;
 }

@@ -15,6 +15,7 @@
 #include "absl/strings/strip.h"
 #include "client/cli.h"
 #include "client/film.h"
+#include "client/folder.h"
 #include "client/picture_file.h"
 #include "client/report/text.h"
 #include "client/status.h"
@@ -159,10 +160,9 @@ absl::Status MakeFolder(const std::string& path) {
 
 // Pictures of a longer path before this one would be taken for its end, by ffmpeg for instance.
 absl::Status CheckNoLaterFrames(const PathArgs& args, int frames) {
-  std::error_code error;
-  for (std::filesystem::directory_iterator it(args.output, error), end; !error && it != end;
-       it.increment(error)) {
-    const std::string name = it->path().filename().string();
+  std::error_code ignored;
+  for (const std::filesystem::directory_entry& entry : EntriesOf(args.output, &ignored)) {
+    const std::string name = entry.path().filename().string();
     int number = 0;
     absl::string_view rest = name;
     if (!absl::ConsumePrefix(&rest, "frame_") || !absl::ConsumeSuffix(&rest, "." + args.format) ||

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "engine/core/error.h"
@@ -406,6 +407,16 @@ TEST(Trainer, BeyondItsScheduleTheRatesAreThoseOfItsEnd) {
   EXPECT_GT(LargestStep(options, 320), LargestStep(options, 32) / 4);
 }
 
+// Before and after iteration `at`.
+std::pair<Model, Model> AroundIteration(const TrainOptions& options,
+                                        const std::vector<TrainView>& views, int at) {
+  Trainer trainer(options, &views, Start(), SceneExtent(views));
+  Train(&trainer, at);
+  Model before = trainer.Snapshot();
+  Train(&trainer, at + 1);
+  return {std::move(before), trainer.Snapshot()};
+}
+
 // Gaussians that iteration `at` leaves as they were, out of 300.
 int LeftOut(double dropout, int at, int scheduled) {
   const std::vector<TrainView> views = Views();
@@ -413,13 +424,11 @@ int LeftOut(double dropout, int at, int scheduled) {
   options.iterations = scheduled;
   options.recipe.densify_until = 0;
   options.recipe.dropout = dropout;
-  Trainer trainer(options, &views, Start(), SceneExtent(views));
-  Train(&trainer, at);
-  const Splats before = trainer.Snapshot().splats;
-  Train(&trainer, at + 1);
-  const Splats after = trainer.Snapshot().splats;
+  const auto [before, after] = AroundIteration(options, views, at);
   int same = 0;
-  for (size_t i = 0; i < before.size(); ++i) same += before.at(i, kShDc) == after.at(i, kShDc);
+  for (size_t i = 0; i < before.splats.size(); ++i) {
+    same += before.splats.at(i, kShDc) == after.splats.at(i, kShDc);
+  }
   return same;
 }
 
@@ -435,11 +444,8 @@ TEST(Trainer, DropoutGrowsWithTheEpochsAtFullSize) {
 
 // The largest step of the denoiser's weights in iteration `at`, over their rate.
 double LargestPdmStep(const TrainOptions& options, const std::vector<TrainView>& views, int at) {
-  Trainer trainer(options, &views, Start(), SceneExtent(views));
-  Train(&trainer, at);
-  const PdmWeights before = trainer.Snapshot().pdm;
-  Train(&trainer, at + 1);
-  const PdmWeights after = trainer.Snapshot().pdm;
+  const auto [model_before, model_after] = AroundIteration(options, views, at);
+  const PdmWeights &before = model_before.pdm, &after = model_after.pdm;
   double largest = 0;
   for (size_t k = 0; k < before.nets.size(); ++k) {
     for (size_t i = 0; i < before.nets[k].size(); ++i) {
