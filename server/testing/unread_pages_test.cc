@@ -25,8 +25,7 @@ class Browser {
  public:
   Browser(int port, const std::string& token, const std::string& path, const std::string& body)
       : socket_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    const int small = 4096;
-    setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &small, sizeof(small));
+    SetReceiveBuffer(4096);
     sockaddr_in address = {};
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -39,8 +38,10 @@ class Browser {
               static_cast<ssize_t>(request.size()));
   }
 
-  // What has come until the server ends the connection.
+  // What has come until the server ends the connection. With a small buffer the kernel may let a
+  // transfer stand for so long that the server gives it up.
   std::string ReadAll() {
+    SetReceiveBuffer(1 << 20);
     std::string all, piece(1 << 20, '\0');
     while (true) {
       const ssize_t size = read(socket_.get(), piece.data(), piece.size());
@@ -50,6 +51,10 @@ class Browser {
   }
 
  private:
+  void SetReceiveBuffer(int bytes) {
+    setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &bytes, sizeof(bytes));
+  }
+
   UniqueFd socket_;
 };
 
