@@ -113,6 +113,17 @@ class ManPage(ScriptTest):
 
 
 class Quickstart(ScriptTest):
+    SERVER = """#!{python} -B
+import http.server, os, sys
+if any(name.startswith("LITAGS_") for name in os.environ):
+    sys.exit("a setting of another server")
+os.chdir("{page}")
+server = http.server.HTTPServer(("127.0.0.1", 0), http.server.SimpleHTTPRequestHandler)
+for flag, port in (("--web-port-file", server.server_port), ("--port-file", 1)):
+    with open(sys.argv[sys.argv.index(flag) + 1], "w") as file:
+        print(port, file=file)
+server.serve_forever()
+"""
 
     def setUp(self):
         super().setUp()
@@ -120,16 +131,19 @@ class Quickstart(ScriptTest):
         self.script = self.write(self.at("root", "deploy", "quickstart"), "")
         shutil.copy(os.path.join(DEPLOY, "quickstart"), self.script)
         self.write(self.at("root", "deploy", "bootstrap"), "#!/bin/sh\n")
-        self.stub("cmake")
+        for name in ("cmake", "npm", "node"):
+            self.stub(name)
         for name in ("litags", "litags-sample", "litags-sheet"):
             self.write(self.at("root", "build", "release", "bin", name), "#!/bin/sh\necho jobs/1\n")
-        self.write(self.at("root", "build", "release", "bin", "litags-server"), """#!/bin/sh
-            env | grep ^LITAGS_ && exit 2
-            while [ $# -gt 0 ]; do
-              case "$1" in *port-file) echo 1 > "$2" ;; esac
-              shift
-            done
-            exec sleep 60""")
+        os.mkdir(self.at("page"))
+        self.serve_page("index.html")
+        self.write(self.at("root", "build", "release", "bin", "litags-server"),
+                   self.SERVER.format(python=sys.executable, page=self.at("page")))
+
+    def serve_page(self, name):
+        """The server's page is this file of its source."""
+        shutil.copy(os.path.join(os.path.dirname(DEPLOY), "server", "web", "app", name),
+                    self.at("page", "index.html"))
 
     def on_terminal(self, key):
         """Runs it on a terminal where `key` is pressed at the end; returns (code, what it said)."""
@@ -153,6 +167,15 @@ class Quickstart(ScriptTest):
             code, said = self.on_terminal(key)
             self.assertEqual(code, 0, said)
             self.assertNotIn("failed", said)
+            shutil.rmtree(self.at("out"))
+
+    def test_it_names_the_page_if_the_server_has_one(self):
+        # npm may be there and its registry not: the server is then built without the page.
+        for page, times in (("index.html", 2), ("no_page.html", 0)):
+            self.serve_page(page)
+            code, said = self.on_terminal(b"\n")
+            self.assertEqual(code, 0, said)
+            self.assertEqual(said.count("in a browser"), times, said)
             shutil.rmtree(self.at("out"))
 
     def test_settings_of_another_server_do_not_matter(self):
