@@ -266,6 +266,38 @@ class Kubernetes(unittest.TestCase):
             pod = named(base(), "Deployment", name)["spec"]["template"]["spec"]
             self.assertGreaterEqual(pod["terminationGracePeriodSeconds"], least)
 
+    def test_a_server_may_take_an_hour_to_start(self):
+        # Its port opens after a change of the database's layout.
+        spec = named(base(), "Deployment", "litags-server")["spec"]
+        probe = container(base(), "litags-server")["startupProbe"]
+        patience = probe["periodSeconds"] * probe["failureThreshold"]
+        self.assertGreaterEqual(patience, 3600)
+        self.assertGreater(spec["progressDeadlineSeconds"], patience)
+
+    def test_the_servers_memory_limit_is_more_than_it_takes(self):
+        with open(os.path.join(DEPLOY, "..", "docs", "scaling.md")) as file:
+            text = file.read()
+        table = text.partition("| A server's memory |")[2].partition("\n\n")[0]
+        rows = {name: int(mib.replace(",", "")) for name, mib in
+                re.findall(r"(?m)^\| (.+) \| ([\d,]+) \|$", table)}
+        limit = container(base(), "litags-server")["resources"]["limits"]["memory"]
+        self.assertLess(sum(rows.values()), int(limit.removesuffix("Gi")) << 10)
+        with open(os.path.join(DEPLOY, "..", "server", "api", "server.h")) as file:
+            readers = int(re.search(r"int blob_threads = (\d+)", file.read()).group(1))
+        _, out = run(PROGRAMS["litags-server"], "--help")
+        for flag in ("scene-cache", "max-unread-bytes"):
+            default = int(re.search(rf"--{flag} .*?=(\d+)", out).group(1))
+            self.assertEqual(rows[f"`{flag}`"], default >> 20)
+        large = next(name for name in rows if "64 megapixels" in name)
+        each = int(re.search(r"([\d,]+) MiB each", large).group(1).replace(",", ""))
+        self.assertEqual(rows[large], readers * each)
+        self.assertIn(f"at most {limit.removesuffix('Gi')} GiB", text)
+
+    def test_the_page_replaces_workers_by_their_names(self):
+        with open(os.path.join(DEPLOY, "..", "docs", "scaling.md")) as file:
+            (deployment, name), = re.findall(r"set image deployment/(\S+) (\w+)=", file.read())
+        self.assertEqual(container(base(), deployment)["name"], name)
+
     def test_the_autoscalers_metric_is_one_that_the_server_has(self):
         scaler = named(base(), "HorizontalPodAutoscaler", "litags-worker")["spec"]
         metric = scaler["metrics"][0]["external"]["metric"]["name"]
