@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -31,7 +32,9 @@ constexpr int kReconnectMaxMs = 2000;
 constexpr size_t kMaxFileBytes = 1 << 20;
 
 std::vector<std::string> ServersOf(const ConnectionOptions& options) {
-  return absl::StrSplit(options.server, ',', absl::SkipWhitespace());
+  std::vector<std::string> servers = absl::StrSplit(options.server, ',', absl::SkipWhitespace());
+  for (std::string& server : servers) absl::StripAsciiWhitespace(&server);
+  return servers;
 }
 
 std::string HostOf(const std::string& server) { return server.substr(0, server.rfind(':')); }

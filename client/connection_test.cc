@@ -76,6 +76,7 @@ TEST(Connection, FilesAndTokensThatCannotBeUsedAreNamedWithTheirFlag) {
 
 TEST(Connection, ServersWithoutAnAddressAreRefusedWhereThereAreSeveral) {
   EXPECT_TRUE(Connect({.server = "127.0.0.1:1,localhost:2"}).ok());
+  EXPECT_TRUE(Connect({.server = " 127.0.0.1:1 , 127.0.0.1:2,"}).ok());
   for (const char* server :
        {"", "127.0.0.1:1,127.0.0.1", "127.0.0.1:1,no.such.invalid:2", "127.0.0.1:1,unix:2"}) {
     const absl::Status status = Connect({.server = server}).status();

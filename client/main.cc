@@ -125,5 +125,6 @@ int Main(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return litags::RunProgram("litags", [&] { return Main(argc, argv); });
+  return litags::RunProgram(
+      "litags", [&] { return Main(argc, argv); }, litags::client::kExitServerError);
 }

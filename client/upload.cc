@@ -9,6 +9,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/types/span.h"
 #include "client/status.h"
 #include "proto/litags/v1/limits.h"
@@ -172,28 +173,47 @@ bool IsMaskOf(const std::string& photo, const std::string& mask) {
   return false;
 }
 
+bool IsPhoto(const LocalFile& file) { return file.role == v1::FILE_ROLE_PHOTO; }
+
+// Photos of one stem share a mask.
+std::vector<std::string> MasksOnlyOf(const std::string& photo,
+                                     const std::vector<LocalFile>& files) {
+  std::vector<std::string> masks;
+  for (const LocalFile& mask : files) {
+    if (mask.role != v1::FILE_ROLE_MASK || !IsMaskOf(photo, mask.name)) continue;
+    const bool shared = std::any_of(files.begin(), files.end(), [&](const LocalFile& f) {
+      return IsPhoto(f) && f.name != photo && IsMaskOf(f.name, mask.name);
+    });
+    if (!shared) masks.push_back(mask.name);
+  }
+  return masks;
+}
+
 // If `status` says that the service cannot read one of the photos and enough others remain, takes
-// that one out of `files`, with its masks, whose names it adds. The first progress->files_done of
-// `files` are sent.
+// that one out of `files`, with the masks of no other, whose names it adds. The first
+// progress->files_done of `files` are sent.
 bool LeaveOutUnreadable(const absl::Status& status, std::vector<LocalFile>* files,
                         UploadProgress* progress, std::vector<std::string>* masks) {
   if (status.ok()) return false;
   const v1::ErrorDetail detail = DetailOf(status);
   if (!detail.reason().starts_with("IMAGE_") && detail.reason() != "FILE_EMPTY") return false;
-  const auto is_photo = [](const LocalFile& f) { return f.role == v1::FILE_ROLE_PHOTO; };
   const auto bad = std::find_if(files->begin(), files->end(), [&](const LocalFile& f) {
-    return is_photo(f) && detail.field() == absl::StrCat("images[", f.name, "]");
+    return IsPhoto(f) && detail.field() == absl::StrCat("images[", f.name, "]");
   });
   if (bad == files->end()) return false;
-  if (std::count_if(files->begin(), files->end(), is_photo) <= kMinPhotos) return false;
+  if (std::count_if(files->begin(), files->end(), IsPhoto) <= kMinPhotos) return false;
   const std::string photo = bad->name;
-  progress->left_out.push_back(absl::StrCat(photo, " is left out: ", status.message()));
+  const std::vector<std::string> gone = MasksOnlyOf(photo, *files);
+  const std::string with = gone.empty() ? "" : absl::StrCat(", with ", absl::StrJoin(gone, ", "));
+  progress->left_out.push_back(absl::StrCat(photo, " is left out", with, ": ", status.message()));
+  masks->insert(masks->end(), gone.begin(), gone.end());
   const auto sent = static_cast<size_t>(progress->files_done);
   for (size_t i = files->size(); i-- > 0;) {
     const LocalFile& f = (*files)[i];
-    const bool is_mask = f.role == v1::FILE_ROLE_MASK && IsMaskOf(photo, f.name);
-    if (!is_mask && !(is_photo(f) && f.name == photo)) continue;
-    if (is_mask) masks->push_back(f.name);
+    const bool goes = f.role == v1::FILE_ROLE_MASK
+                          ? std::find(gone.begin(), gone.end(), f.name) != gone.end()
+                          : IsPhoto(f) && f.name == photo;
+    if (!goes) continue;
     progress->bytes -= f.size_bytes;
     if (i < sent) {
       --progress->files_done;

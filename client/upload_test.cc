@@ -127,7 +127,8 @@ TEST_F(UploadTest, AnUnreadablePhotoIsLeftOutWithItsMaskWhileEnoughRemain) {
   ASSERT_TRUE(Upload().ok());
   EXPECT_EQ(service_.state()->stored.size(), 4u);
   EXPECT_EQ(service_.state()->stored.count("bad_MASK.png"), 0u);
-  EXPECT_THAT(last_progress_.left_out, ElementsAre(HasSubstr("bad.jpg is left out: ")));
+  EXPECT_THAT(last_progress_.left_out,
+              ElementsAre(HasSubstr("bad.jpg is left out, with bad_MASK.png: ")));
   EXPECT_EQ(last_progress_.files_done, 4);
   EXPECT_EQ(last_progress_.bytes, 4);
 
@@ -136,6 +137,18 @@ TEST_F(UploadTest, AnUnreadablePhotoIsLeftOutWithItsMaskWhileEnoughRemain) {
   const absl::Status strict = UploadFiles(
       *client_, "jobs/1", capture->files, [](const UploadProgress&) {}, /*strict=*/true);
   EXPECT_EQ(DetailOf(strict).field(), "images[bad.jpg]");
+}
+
+// As of a camera that writes raw files beside JPEGs.
+TEST_F(UploadTest, AnUnreadablePhotoLeavesItsMaskToAnotherOfItsStem) {
+  for (const char* name : {"a.jpg", "b.jpg", "bad.jpg", "bad.png", "masks/bad_mask.png"}) {
+    Write(name, "x");
+  }
+  ASSERT_TRUE(Upload().ok());
+  EXPECT_EQ(service_.state()->stored.size(), 4u);
+  EXPECT_EQ(service_.state()->stored.count("bad_mask.png"), 1u);
+  EXPECT_THAT(last_progress_.left_out, ElementsAre(HasSubstr("bad.jpg is left out: ")));
+  EXPECT_EQ(last_progress_.files_done, 4);
 }
 
 TEST_F(UploadTest, AnUnreadablePhotoThatComesLastIsNamedToo) {

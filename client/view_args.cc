@@ -19,7 +19,7 @@
 namespace litags::client {
 namespace {
 
-constexpr int64_t kMaxPoseFileBytes = 64 << 10;
+constexpr size_t kMaxPoseFileBytes = 64 << 10;
 
 // Numbers separated by spaces, commas, semicolons or brackets. INVALID_ARGUMENT (NUMBER_INVALID)
 // naming the one that is none.
@@ -48,14 +48,16 @@ absl::StatusOr<std::string> PoseText(const std::vector<std::string>& words) {
   }
   errno = 0;
   std::ifstream in(words[0], std::ios::binary);
-  std::string text((std::istreambuf_iterator<char>(in)), {});
   if (!in.is_open()) {
     return BadInput(
         "FILE_UNREADABLE", "--pose",
         absl::StrCat(words[0], ": cannot be read (", std::generic_category().message(errno),
                      "); give a file with the 16 numbers that you may read"));
   }
-  if (static_cast<int64_t>(text.size()) > kMaxPoseFileBytes) {
+  std::string text(kMaxPoseFileBytes + 1, '\0');
+  in.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<size_t>(in.gcount()));
+  if (text.size() > kMaxPoseFileBytes) {
     return BadInput("POSE_INVALID", "--pose",
                     absl::StrCat(words[0], ": too long for 16 numbers; is it the right file?"));
   }

@@ -34,10 +34,14 @@ def text_of(event: job_pb2.JobEvent) -> str:
 
 
 try:
+    # What is wrong with the files to write is said now, not after hours.
     if args.scene:
-        model_format(args.scene)  # a wrong name is said now, not after hours
+        model_format(args.scene)
+    for file in filter(None, (args.picture, args.scene)):
+        file.parent.stat()
     with Client.from_environment(args.server) as client:  # also LITAGS_TOKEN, LITAGS_TLS_CA, ...
         job = client.submit(args.photos, options=job_pb2.JobOptions(iterations=args.iterations))
+        print(job)  # goes on whatever becomes of this program: litags watch
         said = ""
         for event in client.watch(job):  # goes on after a broken connection
             if not event.HasField("snapshot") and text_of(event) != said:

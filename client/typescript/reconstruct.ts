@@ -1,7 +1,8 @@
 // A folder of badly lit photos becomes a picture in normal light, and a scene for viewers:
 //   node out/reconstruct.js night_photos/ view.png scene.ply     (docs/languages.md)
 import { createHash, randomUUID } from "node:crypto";
-import { readFileSync, readdirSync, writeFileSync } from "node:fs";
+import { readFileSync, readdirSync, statSync, writeFileSync } from "node:fs";
+import { dirname } from "node:path";
 import { type Client, Code, ConnectError, type Interceptor, createClient } from "@connectrpc/connect";
 import { createGrpcTransport } from "@connectrpc/connect-node";
 import { ErrorDetailSchema } from "./gen/litags/v1/errors_pb.js";
@@ -147,11 +148,13 @@ async function watch(jobs: Jobs, name: string) {
 async function main() {
   // Hidden ones, as a Mac's ._0001.jpg, are no photos.
   const photos = readdirSync(folder).filter((name) => /^[^.].*\.(jpe?g|png)$/i.test(name)).sort();
+  for (const file of [picture, scene]) statSync(dirname(file)); // now, not after hours
   const transport = connect();
   const jobs = createClient(ReconstructionService, transport);
   const options = iterations ? { iterations: Number(iterations) } : {}; // else the server's default
   const { name } = await jobs.createJob({ requestId: randomUUID(), options });
   await submit(jobs, name, photos);
+  console.log(name); // goes on whatever becomes of this program: litags watch
   const job = await watch(jobs, name);
   if (job.state !== JobState.SUCCEEDED) throw new Error(job.error?.message ?? "cancelled");
   const pictures = createClient(RenderService, transport);

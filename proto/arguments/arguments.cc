@@ -140,7 +140,7 @@ int FlushOutput(int exit, int lost) {
   return exit == 0 ? lost : exit;
 }
 
-int RunProgram(const std::string& name, const std::function<int()>& run) {
+int RunProgram(const std::string& name, const std::function<int()>& run, int thrown) {
   try {
     return run();
   } catch (const std::bad_alloc&) {
@@ -150,7 +150,7 @@ int RunProgram(const std::string& name, const std::function<int()>& run) {
   } catch (...) {
     std::fprintf(stderr, "%s: an exception of unknown kind\n", name.c_str());
   }
-  return 1;
+  return thrown;
 }
 
 std::string WithoutControls(std::string text) {

@@ -23,8 +23,8 @@ std::optional<int> ParseArguments(CLI::App& app, int argc, char** argv);
 // written, as on a full disk, which it says on stderr.
 int FlushOutput(int exit, int lost = 1);
 
-// For main(): what `run` returns, or 1 after an exception, of which a line on stderr tells.
-int RunProgram(const std::string& name, const std::function<int()>& run);
+// For main(): what `run` returns, or `thrown` after an exception, of which a line on stderr tells.
+int RunProgram(const std::string& name, const std::function<int()>& run, int thrown = 1);
 
 // With '?' in place of what steers a terminal, as names of files may hold it; lines stay lines.
 std::string WithoutControls(std::string text);

@@ -156,6 +156,9 @@ TEST(RunProgram, SaysWhatWasThrownAndFails) {
   EXPECT_EQ(said([]() -> int { throw std::runtime_error("no\x1b"); }), "litags-test: no?\n1");
   EXPECT_EQ(said([]() -> int { throw std::bad_alloc(); }), "litags-test: out of memory\n1");
   EXPECT_EQ(said([]() -> int { throw 7; }), "litags-test: an exception of unknown kind\n1");
+  EXPECT_EQ(RunProgram(
+                "litags-test", []() -> int { throw 7; }, 5),
+            5);
 }
 
 TEST_F(ArgumentsTest, HelpGoesToStdoutWithTheRanges) {

@@ -115,6 +115,15 @@ class Example(Program):
         self.run_program(self.photos(), self.relay(lose_the_first), 20)
         self.assertEqual((left, self.count_jobs()), (set(), before + 1))
 
+    def test_a_job_is_named_though_it_cannot_be_followed_to_its_end(self):
+        def lose_the_cameras(call, answer):
+            if call == "ListCameras":
+                raise Lost(grpc.StatusCode.INTERNAL)
+            return answer
+
+        out, _ = self.run_program(self.photos(), self.relay(lose_the_cameras), 20, exit_code=1)
+        self.assertRegex(out, r"\A\s*jobs/\w+\n")
+
     def test_a_job_that_may_run_is_not_deleted(self):
         for lost in (Lost(grpc.StatusCode.INTERNAL),
                      Lost(grpc.StatusCode.UNAVAILABLE, "STORE_OUTCOME_UNKNOWN")):
@@ -224,6 +233,11 @@ class Refused(Program):
     def test_a_folder_that_is_not_there_is_named_in_a_line(self):
         _, err = self.run_program("/no/such/folder", self.server.address, 20, exit_code=1)
         self.assertRegex(err, r"\A[^\n]*/no/such/folder[^\n]*\n\Z")
+        before = self.states()
+        self.scene_name = "gone/scene.ply"
+        _, err = self.run_program(self.photos(), self.server.address, 20, exit_code=1)
+        self.assertIn("gone", err)
+        self.assertEqual(self.states(), before)
 
 
 class Secure(Program):

@@ -264,12 +264,17 @@ class Package(harness.ServiceTest):
         with self.assertLogs("litags", "WARNING") as said, \
                 mock.patch("litags.client._FILES_PER_STREAM", 2):
             job = client.submit(folder, masks=masks, options={"iterations": 5})
-        self.assertRegex("".join(said.output), "bad.png is left out: ")
+        self.assertRegex("".join(said.output), "bad.png is left out, with bad_MASK.png: ")
         self.assertEqual(self.roles(job),
                          {"PHOTO": ["a.png", "b.png", "c.png"], "MASK": ["a.png"]})
         with self.assertRaises(litags.LitagsError) as caught:
             client.submit(folder, strict=True)
         self.assertEqual(caught.exception.field, "images[bad.png]")
+        pathlib.Path(folder, "a.jpg").write_bytes(b"no photo")  # of a stem whose mask stays
+        with self.assertLogs("litags", "WARNING") as said:
+            job = client.submit(folder, masks=masks, options={"iterations": 5})
+        self.assertRegex("".join(said.output), "a.jpg is left out: ")
+        self.assertEqual(self.roles(job)["MASK"], ["a.png"])
 
     def test_masks_beside_the_photos_go_along(self):
         folder = self.photos()
@@ -422,6 +427,7 @@ class Reconstruct(examples.Refused, harness.ServiceTest):
         _, err = self.finish(process)
         self.assertEqual(process.returncode, 0, err)
         self.assertGreaterEqual(proxy.connections, 3)
+        self.assertRegex(lines[0], r"\Ajobs/\w+\n")
         # No event twice: a run changes its state three times at most.
         self.assertEqual(sum("JOB_STATE_RUNNING" in line for line in lines), 1, lines)
         self.assertIn("b.png in normal light", lines[-1])
@@ -463,7 +469,7 @@ class Reconstruct(examples.Refused, harness.ServiceTest):
         with contextlib.redirect_stdout(said), mock.patch.object(sys, "argv", arguments), \
                 mock.patch("litags.Client.from_environment", return_value=client):
             runpy.run_path(str(self.command[-1]))
-        self.assertEqual([line.strip() for line in said.getvalue().splitlines()[:-1]],
+        self.assertEqual([line.strip() for line in said.getvalue().splitlines()[1:-1]],
                          ["STAGE_PREPARING", "STAGE_PREPARING depth", "STAGE_TRAINING 7 of 100"])
 
 

@@ -262,6 +262,9 @@ func main() {
 	if !strings.HasSuffix(strings.ToLower(scene), ".ply") {
 		log.Fatalf("%s: this program writes PLY only; name it .ply", scene)
 	}
+	for _, file := range []string{picture, scene} {
+		must(os.Stat(filepath.Dir(file)))
+	}
 	options := &pb.JobOptions{} // what is not set is the server's default
 	if len(os.Args) > 4 {
 		options.Iterations = proto.Int32(int32(must(strconv.Atoi(os.Args[4]))))
@@ -279,6 +282,7 @@ func main() {
 	job := must(jobs.CreateJob(ctx,
 		&pb.CreateJobRequest{RequestId: newID(), Options: options})).Name
 	submit(jobs, job, photos)
+	fmt.Println(job) // goes on whatever becomes of this program: litags watch
 	if done := watch(jobs, job); done.State != pb.JobState_JOB_STATE_SUCCEEDED {
 		log.Fatalln(job, done.State, done.Error)
 	}

@@ -295,8 +295,10 @@ class Client:
                 photo = None if strict else files.unreadable_photo(found, error)
                 if photo is None:
                     raise
-                _log.warning("%s is left out: %s", photo.path.name, error.message)
-                found = files.without(photo, found)  # this one's files are asked for again
+                masks = files.masks_only_of(photo, found)
+                names = "".join(f", {mask.path.name}" for mask in masks).replace(",", ", with", 1)
+                _log.warning("%s is left out%s: %s", photo.path.name, names, error.message)
+                found = [file for file in found if file is not photo and file not in masks]
 
     def _upload(self, job: str, batch: list[files.File]) -> None:
         query = rpc.QueryUploadRequest(name=job, files=[file.header() for file in batch])

@@ -80,17 +80,20 @@ def unreadable_photo(found: Iterable[File], error: errors.LitagsError) -> File |
     return next((file for file in photos if error.field == f"images[{file.path.name}]"), None)
 
 
-def without(photo: File, found: Iterable[File]) -> list[File]:
-    """All files but this photo and its mask."""
-    names = {photo.path.name, photo.path.stem}
+def _is_mask_of(photo: File, mask: File) -> bool:
+    # As the service has it: "_mask" and ".mask" in any case.
+    stem = mask.path.stem
+    stems = {stem, re.sub(r"[_.]mask$", "", stem, flags=re.IGNORECASE)}
+    return not stems.isdisjoint((photo.path.name, photo.path.stem))
 
-    def is_its_mask(file: File) -> bool:
-        # As the service has it: "_mask" and ".mask" in any case.
-        stem = file.path.stem
-        return file.role == rpc.FILE_ROLE_MASK and not names.isdisjoint(
-            (stem, re.sub(r"[_.]mask$", "", stem, flags=re.IGNORECASE)))
 
-    return [file for file in found if file is not photo and not is_its_mask(file)]
+def masks_only_of(photo: File, found: Iterable[File]) -> list[File]:
+    """Photos of one stem share a mask."""
+    found = list(found)
+    others = [file for file in found if file.role == rpc.FILE_ROLE_PHOTO and file is not photo]
+    return [mask for mask in found
+            if mask.role == rpc.FILE_ROLE_MASK and _is_mask_of(photo, mask)
+            and not any(_is_mask_of(other, mask) for other in others)]
 
 
 def find_masks(folder: Path) -> list[File]:
