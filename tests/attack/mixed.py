@@ -155,8 +155,7 @@ def attack(args, folder):
         greedy = harness.SLOWER == 1 and peak > args.max_mib
         return 1 if failures or broken or greedy else 0
     finally:
-        code = server.stop()
-        print(f"server ended with {code} after SIGTERM")
+        server.stop()
 
 
 def main():

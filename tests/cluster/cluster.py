@@ -6,6 +6,7 @@ import json
 import os
 import pwd
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -16,6 +17,7 @@ import harness
 import network
 import s3_client
 from deployment import Process
+from program_end import check_log
 
 BUCKET = "captures"
 PYTHON = "/usr/bin/python3"  # Debian's, which has its packages
@@ -106,7 +108,7 @@ class Cluster:
         folder, self.s3_at, prefix = self._place("s3", 9000)
         host, port = self.s3_at
         self.nodes["s3"] = Process(folder, [PYTHON, SWIFT, folder, f"{host}:{port}", BUCKET],
-                                   prefix=prefix).start()
+                                   prefix=prefix, exit_code=-signal.SIGTERM).start()
         program = {"fake": "litags-fake-", "real": "litags-"}[engine]
         for node in [*self.servers, *self.workers]:
             folder, (host, port), prefix = self._place(node, 50051)
@@ -203,6 +205,8 @@ class Cluster:
             node = self.nodes[name]
             if node.process.poll() is None:
                 node.stop()
+            else:  # killed, or away without its stores
+                check_log(node.log_path)
         return [name for name, node in self.nodes.items() if node.orphans()]
 
     def close(self):
@@ -221,11 +225,13 @@ def running(engine):
         try:
             yield cluster
         finally:
-            if not cluster.stopping.is_set():
-                cluster.stop()
-            cluster.close()
-            if os.environ.get("LITAGS_KEEP_LOGS"):
-                for name, node in cluster.nodes.items():
-                    shutil.copy(node.log_path, os.path.join(os.environ["LITAGS_KEEP_LOGS"],
-                                                            f"{name}.log"))
-                print(f"logs in {os.environ['LITAGS_KEEP_LOGS']}", file=sys.stderr)
+            try:
+                if not cluster.stopping.is_set():
+                    cluster.stop()
+            finally:
+                cluster.close()
+                if os.environ.get("LITAGS_KEEP_LOGS"):
+                    for name, node in cluster.nodes.items():
+                        shutil.copy(node.log_path, os.path.join(os.environ["LITAGS_KEEP_LOGS"],
+                                                                f"{name}.log"))
+                    print(f"logs in {os.environ['LITAGS_KEEP_LOGS']}", file=sys.stderr)

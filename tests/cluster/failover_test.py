@@ -46,7 +46,7 @@ class Failover(unittest.TestCase):
             server = Deployment(folder, "--store", f"sqlite://{self.folder}/jobs.db", "--blobs",
                                 f"file://{self.folder}/blobs", "--threads", "1",
                                 program="litags-fake-server").start()
-            self.addCleanup(lambda s=server: s.process.poll() is None and s.stop())
+            self.addCleanup(server.stop)
             relay = Relay(server.port)
             self.addCleanup(relay.close)
             self.servers.append(server)

@@ -18,6 +18,7 @@ import grpc
 import harness
 from harness import job_pb2, rpc
 from litags.v1 import model_service_pb2
+from program_end import check_end, check_log
 
 MARKER = "LITAGS_TEST_DEPLOYMENT"
 # Generous, for machines that are busy with other things. Nothing waits this long when all is well:
@@ -31,7 +32,8 @@ OWN_FILES = re.compile(r"litags\.db(-wal|-shm)?|server\.lock|missed")
 class Process:
     """A program that tests start, kill and start again, with all that it starts itself."""
 
-    def __init__(self, folder, command, environment=None, prefix=()):
+    def __init__(self, folder, command, environment=None, prefix=(), exit_code=0):
+        """`exit_code`: of a program that SIGTERM ends."""
         self.folder = folder
         self.log_path = os.path.join(folder, "log")
         self.arguments = list(command)
@@ -39,6 +41,8 @@ class Process:
         self.marker = uuid.uuid4().hex
         self.environment = dict(os.environ, **(environment or {}), **{MARKER: self.marker})
         self.process = None
+        self.exit_code = exit_code
+        self.killed = False
         self.sessions = set()  # of each start; what it starts stays in them
 
     def command(self):
@@ -48,6 +52,7 @@ class Process:
         with open(self.log_path, "ab") as log:
             self.process = subprocess.Popen(self.command(), env=self.environment, stdout=log,
                                             stderr=log, start_new_session=True)
+        self.killed = False
         self.sessions.add(self.process.pid)
         return self
 
@@ -56,20 +61,25 @@ class Process:
             return file.read()
 
     def kill(self):
-        """kill -9 of the program."""
+        """kill -9 of the program; raises if a sanitizer has reported."""
+        self.killed = True
         self.process.kill()
         self.process.wait()
+        check_log(self.log_path)
 
     def stop(self):
-        """SIGTERM; (exit code, seconds until it had ended)."""
+        """SIGTERM, unless it has ended; seconds until then. Raises if it has ended otherwise than by
+        this or by kill(), or if a sanitizer has reported."""
         begin = time.monotonic()
         self.process.send_signal(signal.SIGTERM)
         try:
-            return self.process.wait(PATIENCE_S), time.monotonic() - begin
+            code, seconds = self.process.wait(PATIENCE_S), time.monotonic() - begin
         finally:
             if self.process.poll() is None:
                 self.process.kill()
                 self.process.wait()
+        check_end(code, self.log_path, -signal.SIGKILL if self.killed else self.exit_code)
+        return seconds
 
     # What is running.
 

@@ -8,7 +8,7 @@ import time
 import unittest
 
 import harness
-from harness import BIN, RUNNING, SERVER_PROGRAM, SUCCEEDED, rpc
+from harness import BIN, RUNNING, SERVER_PROGRAM, SUCCEEDED, check_end, rpc
 from operating_test import metrics_of
 
 from litags.v1 import job_pb2
@@ -26,26 +26,26 @@ class Fleet(harness.ServiceTest):
 
     def setUp(self):
         super().setUp()
-        self.workers = []
-        self.addCleanup(lambda: [self.end(worker) for worker in self.workers])
+        self.log_path = os.path.join(self.folder, "worker.log")
 
-    def start_worker(self, *args):
-        log = open(os.path.join(self.folder, "worker.log"), "ab")
-        self.addCleanup(log.close)
-        worker = subprocess.Popen([WORKER, "--data", self.server.data, "--threads", "1", *args],
-                                  stdout=log, stderr=log)
-        self.workers.append(worker)
+    def start_worker(self, *args, exit_code=0):
+        with open(self.log_path, "ab") as log:
+            worker = subprocess.Popen([WORKER, "--data", self.server.data, "--threads", "1", *args],
+                                      stdout=log, stderr=log)
+        self.addCleanup(self.end, worker, exit_code)
         return worker
 
-    def end(self, worker):
-        """SIGTERM; returns the exit code and how long it took."""
+    def end(self, worker, exit_code=0):
+        """SIGTERM, unless it has ended; seconds until then. Raises if it has ended otherwise, or if a
+        sanitizer has reported."""
         start = time.monotonic()
-        if worker.poll() is None:
-            worker.send_signal(signal.SIGTERM)
+        worker.send_signal(signal.SIGTERM)
         try:
-            return worker.wait(harness.PATIENCE_S), time.monotonic() - start
+            code, seconds = worker.wait(harness.PATIENCE_S), time.monotonic() - start
         finally:
             worker.kill()
+        check_end(code, self.log_path, exit_code)
+        return seconds
 
     def job(self, name):
         return self.jobs.GetJob(rpc.GetJobRequest(name=name))
@@ -63,16 +63,14 @@ class Fleet(harness.ServiceTest):
         self.wait_for(lambda: self.state(job) == SUCCEEDED, "the job is done")
         self.assertEqual(self.job(job).waits_for, "")
         self.assertEqual(self.metric("litags_workers"), 1)
-        self.assertEqual(self.end(worker)[0], 0)
+        self.end(worker)
         self.assertEqual(self.metric("litags_workers"), 0)
 
     def test_a_drained_worker_gives_its_job_back_at_no_cost(self):
         job = self.submit("--iterations", "100000", names=("slow.png", "b.png", "c.png"))
         worker = self.start_worker()
         self.wait_for(lambda: self.state(job) == RUNNING, "the job runs")
-        code, seconds = self.end(worker)
-        self.assertEqual(code, 0)
-        self.assertLess(seconds, 10 * harness.SLOWER, "the grace of deploy/ is built on this")
+        self.assertLess(self.end(worker), 10 * harness.SLOWER, "the grace of deploy/ is built on this")
         self.assertEqual(self.job(job).state, QUEUED)
         self.start_worker()
         self.wait_for(lambda: self.state(job) == RUNNING, "the job runs again")
@@ -122,7 +120,7 @@ class Fleet(harness.ServiceTest):
     def test_labels_that_are_none_are_refused(self):
         _, err = self.litags("submit", self.photos(), "--worker-labels", "a b", exit_code=2)
         self.assertRegex(err, "policy.worker_labels")
-        worker = self.start_worker("--labels", "a b")
+        worker = self.start_worker("--labels", "a b", exit_code=2)
         self.assertEqual(worker.wait(harness.PATIENCE_S), 2)
 
 

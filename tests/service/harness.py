@@ -21,7 +21,8 @@ import time
 import unittest
 import zlib
 
-sys.path.insert(0, os.environ["LITAGS_STUBS"])
+sys.path[:0] = [os.environ["LITAGS_STUBS"],
+                os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "support")]
 
 import grpc  # noqa: E402
 from litags.v1 import errors_pb2  # noqa: E402
@@ -30,6 +31,7 @@ from litags.v1 import model_service_pb2_grpc  # noqa: E402
 from litags.v1 import reconstruction_service_pb2 as rpc  # noqa: E402
 from litags.v1 import reconstruction_service_pb2_grpc  # noqa: E402
 from litags.v1 import render_service_pb2_grpc  # noqa: E402
+from program_end import check_end  # noqa: E402
 
 BIN = os.environ["LITAGS_BIN"]
 SERVER_PROGRAM = os.environ.get("LITAGS_SERVER_PROGRAM", "litags-server")
@@ -151,22 +153,29 @@ class Server:
         self.port = port_in(port_file, self.process, self.log_path)
         self.address = f"127.0.0.1:{self.port}"
 
+    # Both raise if it has ended otherwise, or if a sanitizer has reported. Once it has ended, they do
+    # nothing.
+
     def kill(self):
         """kill -9."""
-        self.process.kill()
-        self.process.wait()
-        self.log.close()
+        self._end(signal.SIGKILL, -signal.SIGKILL)
 
-    def stop(self):
-        """SIGTERM; returns the exit code."""
-        self.process.send_signal(signal.SIGTERM)
+    def stop(self, exit_code=0):
+        """SIGTERM."""
+        self._end(signal.SIGTERM, exit_code)
+
+    def _end(self, signal_number, exit_code):
+        if self.log.closed:
+            return
+        self.process.send_signal(signal_number)
         try:
-            return self.process.wait(PATIENCE_S)
+            code = self.process.wait(PATIENCE_S)
         finally:
             if self.process.poll() is None:
                 self.process.kill()
                 self.process.wait()
             self.log.close()
+        check_end(code, self.log_path, exit_code)
 
 
 def closed(sockets):

@@ -21,6 +21,7 @@ import urllib.request
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "support"))
 import npm_packages  # noqa: E402
+from program_end import check_end  # noqa: E402
 
 PATIENCE_S = 120
 
@@ -32,10 +33,12 @@ class Server:
         self.bin, self.data = bin_folder, folder / "data"
         files = folder / "port", folder / "web-port"
         more = ("--threads", str(threads)) if threads else ()
-        self.process = subprocess.Popen(
-            [self.bin / "litags-server", "--listen", "127.0.0.1:0", "--web", "127.0.0.1:0",
-             "--port-file", files[0], "--web-port-file", files[1], "--data", self.data, *more],
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.log_path = folder / "server.log"
+        with open(self.log_path, "wb") as log:
+            self.process = subprocess.Popen(
+                [self.bin / "litags-server", "--listen", "127.0.0.1:0", "--web", "127.0.0.1:0",
+                 "--port-file", files[0], "--web-port-file", files[1], "--data", self.data, *more],
+                stdout=log, stderr=log)
         until = time.monotonic() + PATIENCE_S
         while not all(file.exists() and file.read_text() for file in files):
             if self.process.poll() is not None or time.monotonic() > until:
@@ -45,8 +48,9 @@ class Server:
         self.url = f"http://127.0.0.1:{int(files[1].read_text())}"
 
     def stop(self):
+        """SIGTERM; raises if it has ended otherwise, or if a sanitizer has reported."""
         self.process.terminate()
-        self.process.wait()
+        check_end(self.process.wait(), self.log_path)
 
     def trained_job(self, capture, iterations=10):
         """A job of so many iterations; its name."""
