@@ -6,6 +6,7 @@ import {createRequire} from "node:module";
 import {basename, join} from "node:path";
 import {createInterface} from "node:readline";
 import {chromium} from "playwright-core";
+import {checked} from "./steps.mjs";
 
 const {URL: url, TOKEN: token, SCREENSHOTS: folder, PATIENCE_MS: patience} = process.env;
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
@@ -159,7 +160,8 @@ await step("photos dropped", async () => {
   let broken = 0;
   const isOfA = (request) => request.postData()?.includes('"a.png"');
   await page.route(/files:query$/, (route) => broken < 10 && isOfA(route.request())
-    ? route.fulfill({json: {files: [{offset: String(++broken)}]}}) : route.continue());
+    ? route.fulfill({json: checked("QueryUploadResponse", {files: [{offset: String(++broken)}]})})
+    : route.continue());
   await page.route(/files\/a\.png/, (route) =>
       route.request().headers()["content-range"] ? route.abort() : route.continue());
   await page.getByRole("button", {name: "Upload and start"}).click();

@@ -84,7 +84,7 @@ class Browser(unittest.TestCase):
             self.fail("the server was built without the page")
         environment = dict(
             os.environ, URL=f"http://127.0.0.1:{self.server.web_port}", TOKEN=self.token,
-            CHROMIUM=npm_packages.CHROMIUM, SCREENSHOTS=str(screenshots),
+            CHROMIUM=npm_packages.CHROMIUM, SCREENSHOTS=str(screenshots), MESSAGES=gateway.messages(),
             PHOTOS=str(self.photos("a", "b", "c")),
             SLOW=str(self.photos("slow", "b", "c")), VIDEO=str(self.video()),
             DOUBTFUL=str(self.doubtful_photos()), HOME=str(self.folder),
@@ -107,4 +107,4 @@ class Browser(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    npm_packages.run_browser_tests(HERE, WORK, "browser_steps.mjs")
+    npm_packages.run_browser_tests(HERE, WORK, "browser_steps.mjs", "steps.mjs")

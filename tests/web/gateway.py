@@ -11,8 +11,34 @@ import urllib.parse
 
 sys.path.insert(0, str(pathlib.Path(os.environ["LITAGS_SOURCE"], "tests/service")))
 import harness  # noqa: E402
+from litags.v1 import model_service_pb2, render_service_pb2  # noqa: E402
 
 PHOTOS = ("a.png", "b.png", "c.png")
+
+
+def messages():
+    """What services answer with, as JSON: {message: {field: its message, its values or ""}}."""
+    found = {}
+
+    def kind_of(field):
+        if field.enum_type:
+            return [value.name for value in field.enum_type.values]
+        message = field.message_type
+        if not message or message.GetOptions().map_entry or message.file.package != "litags.v1":
+            return ""
+        add(message)
+        return message.name
+
+    def add(message):
+        if message.name not in found:
+            found[message.name] = {}
+            found[message.name].update((field.json_name, kind_of(field)) for field in message.fields)
+
+    for part in (harness.rpc, model_service_pb2, render_service_pb2):
+        for service in part.DESCRIPTOR.services_by_name.values():
+            for method in service.methods:
+                add(method.output_type)
+    return json.dumps(found)
 
 
 class WebServer(harness.Server):

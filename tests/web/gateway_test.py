@@ -27,6 +27,12 @@ class Routes(GatewayTest):
         table = source.joinpath("server/web/routes.cc").read_text()
         self.assertEqual(set(re.findall(r'"(\w+Service/\w+)"', table)), calls)
 
+    def test_answers_that_steps_fake_are_checked_against_the_protos(self):
+        faked = [(path.name, wrapped) for path in pathlib.Path(__file__).parent.glob("*_steps.mjs")
+                 for wrapped in re.findall(r"fulfill\(\s*{\s*json: (checked\()?", path.read_text())]
+        self.assertGreater(len(faked), 5)
+        self.assertEqual([name for name, wrapped in faked if not wrapped], [])
+
     def test_a_job_goes_all_the_way(self):
         job = self.web_job()
         found = self.web.get(f"/v1/{job}").json()

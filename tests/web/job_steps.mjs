@@ -1,7 +1,7 @@
 // What the page says of a job, and of many, step by step; new_job_test.py starts it.
 
 import assert from "node:assert/strict";
-import {openPage} from "./steps.mjs";
+import {checked, openPage} from "./steps.mjs";
 
 const {URL: url, JOB: job} = process.env;
 
@@ -51,7 +51,7 @@ await step("what a finished job shows stays where it is", async () => {
   await page.route(new RegExp(`${job}$`), async (route) => {
     const answer = await (await route.fetch()).json();
     answer.report.notes = ["a note"];
-    await route.fulfill({json: answer});
+    await route.fulfill({json: checked("Job", answer)});
   });
   const refreshed = () => page.waitForResponse(new RegExp(`${job}$`));
   await page.locator(".notes").getByText("a note").waitFor();
@@ -66,7 +66,8 @@ await step("the log stays where one reads it", async () => {
   let go, asked = 0;
   const more = new Promise((ok) => { go = ok; });
   const time = "2026-01-01T00:00:00Z";
-  const entry = (i) => `id: ${i}\ndata: ${JSON.stringify({number: i, time, text: `line ${i}`})}\n\n`;
+  const entry = (i) => `id: ${i}\ndata: ${JSON.stringify(
+      checked("LogEntry", {number: i, time, text: `line ${i}`}))}\n\n`;
   const first = Array.from({length: 60}, (_, i) => entry(i)).join(""), last = `${entry(60)}event: end\ndata: {}\n\n`;
   await page.route(/\/log\?/, async (route) => {
     if (++asked > 1) await more;
@@ -85,10 +86,12 @@ await step("the log stays where one reads it", async () => {
 await step("photos of two pages of the server's list", async () => {
   await page.route(/\/files\?/, (route) => {
     const name = new URL(route.request().url()).searchParams.get("pageToken") ? "z.png" : "y.png";
-    return route.fulfill({json: {files: [{name, role: "FILE_ROLE_PHOTO", width: 96, height: 72}],
-                                 nextPageToken: name === "y.png" ? "next" : ""}});
+    return route.fulfill({json: checked("ListFilesResponse", {
+      files: [{fileName: name, role: "FILE_ROLE_PHOTO", width: 96, height: 72}],
+      nextPageToken: name === "y.png" ? "next" : ""})});
   });
   await page.getByText("Photos", {exact: true}).click();
+  for (const name of ["y.png", "z.png"]) await page.getByRole("row", {name}).waitFor();
   await page.getByText("2 photos are of use").waitFor();
 });
 
@@ -103,7 +106,7 @@ await step("formats that plain 3DGS does not have", async () => {
   await page.route(new RegExp(`${job}$`), async (route) => {
     const answer = await (await route.fetch()).json();
     answer.options.method = "METHOD_3DGS";
-    await route.fulfill({json: answer});
+    await route.fulfill({json: checked("Job", answer)});
   });
   await page.locator("option[value=PLY_FULL]:disabled").waitFor({state: "attached"});
   assert.deepEqual((await offered()).slice(0, 2), ["PLY, normally lit", "SPZ"]);
@@ -207,8 +210,8 @@ await step("a video that comes while one looks", async () => {
   const name = await newJob("waits for a video");
   await page.goto(`${url}/#/${name}`);
   await page.getByText("There are no photos.").waitFor();
-  await page.route(/\/files\?/, (route) => route.fulfill(
-      {json: {files: [{name: "v.mp4", role: "FILE_ROLE_VIDEO", width: 96, height: 72}]}}));
+  await page.route(/\/files\?/, (route) => route.fulfill({json: checked("ListFilesResponse", {
+    files: [{fileName: "v.mp4", role: "FILE_ROLE_VIDEO", width: 96, height: 72}]})}));
   await page.getByText("A video of 96\u00d772 px").waitFor();
 });
 
@@ -226,7 +229,7 @@ await step("more jobs than the server lists at once", async () => {
     const size = Number(query.get("pageSize")), token = query.get("pageToken");
     asked.push(size);
     const jobs = Array.from({length: size}, (_, i) => ({name: `jobs/j${token}${i}`, state: "JOB_STATE_CANCELLED"}));
-    return route.fulfill({json: {jobs, nextPageToken: `${token}x`}});
+    return route.fulfill({json: checked("ListJobsResponse", {jobs, nextPageToken: `${token}x`})});
   });
   await page.goto(`${url}/#/`);
   await page.getByRole("button", {name: "Show more"}).waitFor();

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import {join} from "node:path";
-import {openPage} from "./steps.mjs";
+import {checked, openPage} from "./steps.mjs";
 
 const {URL: url, JOB: job, PHOTOS: photos} = process.env;
 
@@ -319,7 +319,7 @@ for (const [name, path, method] of [["a question", /files:query$/, "POST"], ["a 
     await page.route(/\/v1\/session$/, async (route) => {
       ++entered;
       await page.waitForTimeout(300);
-      await route.fulfill({json: {}});
+      await route.fulfill({body: "{}"});
     });
     await start.click();
     await page.getByLabel("Token").fill("another");
@@ -332,7 +332,7 @@ for (const [name, path, method] of [["a question", /files:query$/, "POST"], ["a 
 await step("leaving while the server is away", async () => {
   await page.route(/\/v1\/serverInfo$/, async (route) => {
     const info = await (await route.fetch()).json();
-    await route.fulfill({json: {...info, client: {name: "alice"}}});
+    await route.fulfill({json: checked("ServerInfo", {...info, client: {name: "alice"}})});
   });
   await page.route(/\/v1\/session$/, (route) => route.abort());
   await page.goto(`${url}/#/new`);

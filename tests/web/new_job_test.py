@@ -27,7 +27,7 @@ class NewJob(gateway.GatewayTest):
     def run_steps(self, name, **environment):
         environment = dict(
             os.environ, URL=f"http://127.0.0.1:{self.server.web_port}",
-            CHROMIUM=npm_packages.CHROMIUM, HOME=self.folder,
+            CHROMIUM=npm_packages.CHROMIUM, HOME=self.folder, MESSAGES=gateway.messages(),
             PATIENCE_MS=str(1000 * harness.PATIENCE_S), **environment)
         steps = subprocess.run(["node", browser_test.WORK / name], env=environment)
         self.assertEqual(steps.returncode, 0, "a step failed; see above")
