@@ -5,6 +5,7 @@ import os
 import random
 import stat
 import subprocess
+import time
 import unittest
 import uuid
 
@@ -425,6 +426,32 @@ class Hardening(FaultTest):
         niceness = os.getpriority(os.PRIO_PROCESS, server.process.pid)
         self.assertEqual(os.getpriority(os.PRIO_PROCESS, worker), min(19, niceness + 9))
         self.assertEqual(self.network_of(worker), self.network_of("self"))
+
+
+class Ends(FaultTest):
+    """Of the programs of these tests."""
+
+    def started(self, at_end, exit_code=0):
+        program = deployment.Process(self.folder, [self.script("program", f"""
+            trap 'echo "{at_end}"; exit {exit_code}' TERM
+            echo ready
+            while :; do sleep 0.02; done""")]).start()
+        self.addCleanup(program.process.kill)
+        deadline = time.monotonic() + deployment.PATIENCE_S
+        while not program.log().endswith("ready\n"):
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.02)
+        return program
+
+    def test_a_program_that_ends_badly_or_reports_fails(self):
+        self.started("stopped").stop()
+        with self.assertRaisesRegex(AssertionError, "ended with 3, not 0"):
+            self.started("stopped", 3).stop()
+        killed = self.started("stopped")
+        killed.kill()
+        killed.stop()
+        with self.assertRaisesRegex(AssertionError, "ThreadSanitizer: data race"):
+            self.started("WARNING: ThreadSanitizer: data race", 66).stop()
 
 
 if __name__ == "__main__":
