@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "engine/core/image.h"
 #include "engine/core/quantile.h"
@@ -11,6 +12,7 @@
 namespace litags {
 namespace {
 
+constexpr char kField[] = "truth", kRemedy[] = "give the folder depth/ of litags-sample --truth";
 constexpr float kEdge = 0.05f;  // of the depth. Choice: as of the pictures that meshes are made of
 
 void AddMap(const Camera& camera, const Planes& depth, TrueSurface* truth) {
@@ -57,10 +59,12 @@ absl::StatusOr<TrueSurface> ReadTrueSurface(const std::vector<View>& views,
                                             const std::string& dir) {
   TrueSurface truth;
   for (const View& view : views) {
-    LITAGS_ASSIGN_OR_RETURN(
-        const Planes depth,
-        NeedTrueDepth(dir, view, "truth", "give the folder depth/ of litags-sample --truth"));
+    LITAGS_ASSIGN_OR_RETURN(const Planes depth, NeedTrueDepth(dir, view, kField, kRemedy));
     AddMap(view.camera, depth, &truth);
+  }
+  if (truth.mesh.vertices.empty()) {
+    return InvalidInput("NO_TRUTH", kField,
+                        absl::StrCat("the depth maps in ", dir, " know no pixel; ", kRemedy));
   }
   return truth;
 }

@@ -18,8 +18,8 @@ struct TrueSurface {
 };
 
 // From DIR/NAME.{pfm,npy,png} of every view, its exact depth along the axis: neighbouring pixels
-// are joined by triangles unless their depths differ by more than 5 %. INVALID_ARGUMENT (NO_TRUTH,
-// SIZE_MISMATCH) naming the file.
+// are joined by triangles unless their depths differ by more than 5 %. Not empty. INVALID_ARGUMENT:
+// SIZE_MISMATCH; NO_TRUTH where a view has no map, or no map knows a pixel.
 absl::StatusOr<TrueSurface> ReadTrueSurface(const std::vector<View>& views, const std::string& dir);
 
 // Quantiles of distances.

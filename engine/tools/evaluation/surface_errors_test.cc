@@ -89,6 +89,13 @@ TEST(SurfaceErrors, MissingAndOtherMapsAreNamed) {
   EXPECT_EQ(Reason(ReadTrueSurface(OneView(), dir.path()).status()), "SIZE_MISMATCH");
 }
 
+// A search among no points ended the program.
+TEST(SurfaceErrors, MapsThatKnowNoPixelAreNoTruth) {
+  const TempDir dir;
+  ASSERT_TRUE(WritePfm(dir / "a.pfm", Planes(1, kHeight, kWidth)).ok());
+  EXPECT_EQ(Reason(ReadTrueSurface(OneView(), dir.path()).status()), "NO_TRUTH");
+}
+
 TEST(SurfaceDistance, ToATriangleIsToItsPlaneEdgeOrCorner) {
   const std::array<double, 3> a = {0, 0, 0}, b = {4, 0, 0}, c = {0, 4, 0};
   EXPECT_NEAR(DistanceToTriangle({1, 1, 3}, a, b, c), 3, 1e-12);
