@@ -7,7 +7,9 @@
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
 #include "absl/strings/str_cat.h"
+#include "engine/core/fields.h"
 #include "engine/io/file_util.h"
+#include "engine/pipeline/options.h"
 #include "engine/tools/failure/failure.h"
 #include "proto/arguments/arguments.h"
 
@@ -53,6 +55,19 @@ void AddThreadsOption(CLI::App* command, int* threads) {
 
 void AddLpipsOption(CLI::App* command, std::string* path) {
   command->add_option("--lpips", *path, "ONNX network of LPIPS, inputs in0 and in1");
+}
+
+void RefuseGivenDepth(CLI::App* command) {
+  const auto needs_no_option = [](const std::string& word) -> std::string {
+    DepthOrigin source;
+    const bool known = ParseField("--depth-source", word, &source).ok();
+    if (!known || (source != DepthOrigin::kMaps && source != DepthOrigin::kNetwork)) return "";
+    return absl::StrCat("takes auto, stereo or none here, not \"", word,
+                        "\": only litags-train has --depth and --depth-model");
+  };
+  command->get_option("--depth-source")
+      ->description("depth maps: stereo of all photos, none, or auto: the method's")
+      ->check(needs_no_option);
 }
 
 void AddJsonOption(CLI::App* command, std::string* path) {

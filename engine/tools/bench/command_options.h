@@ -31,6 +31,10 @@ void AddThreadsOption(CLI::App* command, int* threads);
 // Adds --lpips, the path of a network.
 void AddLpipsOption(CLI::App* command, std::string* path);
 
+// Takes maps and network, which are given by options that litags-bench has not, out of
+// --depth-source.
+void RefuseGivenDepth(CLI::App* command);
+
 // Adds --json; WriteJson writes there if it was given.
 void AddJsonOption(CLI::App* command, std::string* path);
 absl::Status WriteJson(const std::string& path, const std::string& json);

@@ -185,6 +185,7 @@ void AddTableCommand(CLI::App* app, int* exit_status) {
   AddMethodOptions(
       command, &args->base, &args->set,
       {"method", "tone", "holdout_every", "preview_every", "checkpoint_every", "frames"});
+  RefuseGivenDepth(command);
   std::vector<const CLI::Option*> settings;
   for (size_t i = before; i < command->get_options().size(); ++i) {
     settings.push_back(command->get_options()[i]);

@@ -10,6 +10,7 @@
 #include "CLI/App.hpp"
 #include "CLI/Config.hpp"
 #include "CLI/Formatter.hpp"
+#include "absl/algorithm/container.h"
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
@@ -152,6 +153,19 @@ absl::Status RemoveOldRun(const ReconstructInput& input) {
   return absl::OkStatus();
 }
 
+// Before anything is trained: what the scene is scored against is there and fits.
+absl::Status CheckTruth(const TrainArguments& args, const std::vector<TestView>& views) {
+  const std::string truth = args.scene.TruthDir();
+  const auto has_truth = [&](const TestView& view) {
+    return FindPhoto(truth, view.view.name).ok();
+  };
+  if (absl::c_none_of(views, has_truth)) return Scorer(truth).Finish().status();
+  for (const std::string& dir : args.score_also) {
+    LITAGS_RETURN_IF_ERROR(AtSizeOfPhotos(views, dir).status());
+  }
+  return CheckTrueDepth(AtMost(args.options.max_image_side, views), args.scene.DepthDir());
+}
+
 absl::Status Train(TrainArguments args) {
   LITAGS_RETURN_IF_ERROR(SetConstants(args.set, &args.options));
   if (args.scene.TruthDir().empty()) {
@@ -172,6 +186,8 @@ absl::Status Train(TrainArguments args) {
       args.evaluate_every > 0 ? args.evaluate_every : args.options.iterations;
   args.options.checkpoint_every = args.options.iterations;
   LITAGS_RETURN_IF_ERROR(args.options.Validate());
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews());
+  LITAGS_RETURN_IF_ERROR(CheckTruth(args, views));
   LITAGS_RETURN_IF_ERROR(RemoveOldRun(input));
 
   const std::unique_ptr<Engine> engine = MakeEngine();
@@ -182,13 +198,11 @@ absl::Status Train(TrainArguments args) {
   const int64_t peak = PeakRssBytes();
   LITAGS_ASSIGN_OR_RETURN(const std::shared_ptr<const Scene> scene,
                           engine->LoadScene(report.scene_path));
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, args.scene.TestViews());
-  LITAGS_ASSIGN_OR_RETURN(const Scores scores,
-                          ScoreScene(*scene, AtMost(args.options.max_image_side, views),
-                                     args.scene.TruthDir(), "", args.options.threads));
-
+  const std::vector<TestView> trained = AtMost(args.options.max_image_side, views);
+  LITAGS_ASSIGN_OR_RETURN(const Scores scores, ScoreScene(*scene, trained, args.scene.TruthDir(),
+                                                          "", args.options.threads));
   LITAGS_ASSIGN_OR_RETURN(const std::optional<DepthScores> depth,
-                          ScoreDepth(*scene, views, args.scene.DepthDir(), args.options.threads));
+                          ScoreDepth(*scene, trained, args.scene.DepthDir(), args.options.threads));
 
   nlohmann::json json = ReportSpeed(report, peak);
   json["history"] = recorder.history;
@@ -224,6 +238,7 @@ void AddTrainCommand(CLI::App* app, int* exit_status) {
   // views is held out.
   AddMethodOptions(command, &args->options, &args->set,
                    {"preview_every", "checkpoint_every", "frames", "holdout_every"});
+  RefuseGivenDepth(command);
   WhenGiven(command, exit_status, [args] { return Train(*args); });
 }
 

@@ -36,6 +36,13 @@ TestView AtSizeOf(const ImageU8& picture, TestView view) {
   return view;
 }
 
+// Nothing where there is no map, or where the photo is distorted.
+absl::StatusOr<std::optional<Planes>> TrueDepthOf(const TestView& view,
+                                                  const std::string& depth_dir) {
+  if (!view.distortion.IsZero()) return std::nullopt;
+  return ReadTrueDepth(depth_dir, view.view);
+}
+
 }  // namespace
 
 std::string Scores::ToJson() const {
@@ -154,13 +161,19 @@ absl::StatusOr<Scores> ScoreScene(const Scene& scene, const std::vector<TestView
   return scorer.Finish();
 }
 
+absl::Status CheckTrueDepth(const std::vector<TestView>& views, const std::string& depth_dir) {
+  for (const TestView& view : views) {
+    LITAGS_RETURN_IF_ERROR(TrueDepthOf(view, depth_dir).status());
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::optional<DepthScores>> ScoreDepth(const Scene& scene,
                                                       const std::vector<TestView>& views,
                                                       const std::string& depth_dir, int threads) {
   DepthScores scores;
   for (const TestView& view : views) {
-    if (!view.distortion.IsZero()) continue;
-    LITAGS_ASSIGN_OR_RETURN(const std::optional<Planes> read, ReadTrueDepth(depth_dir, view.view));
+    LITAGS_ASSIGN_OR_RETURN(const std::optional<Planes> read, TrueDepthOf(view, depth_dir));
     if (!read.has_value()) continue;
     const Planes& truth = *read;
     RenderRequest request;

@@ -74,6 +74,9 @@ struct DepthScores {
   double beyond_20_percent = 0;  // too far by more: holes
 };
 
+// What ScoreDepth would refuse of the truth, before there is a scene.
+absl::Status CheckTrueDepth(const std::vector<TestView>& views, const std::string& depth_dir);
+
 // Truth: `depth_dir`/<stem>.{png,pfm,npy} of the pictures' size, distance along the axis in the
 // cameras' units, 0: none. Views without it are left out, and those whose photos are distorted. No
 // views at all is nullopt.
