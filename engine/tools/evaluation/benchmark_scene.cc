@@ -2,8 +2,10 @@
 
 #include <filesystem>
 #include <set>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/file_util.h"
@@ -32,6 +34,22 @@ ImageInfo SizeOfFirstPhoto(const std::string& dir) {
 }
 
 }  // namespace
+
+std::vector<std::string> UnscoredViews::Notes(size_t scored) const {
+  std::vector<std::string> notes;
+  if (!trained_on.empty()) {
+    notes.push_back(absl::StrCat("test views that were trained on are not scored: ",
+                                 absl::StrJoin(trained_on, ", ")));
+  }
+  const size_t all = scored + trained_on.size() + without_camera.size();
+  if (!without_camera.empty()) {
+    notes.push_back(absl::StrCat(without_camera.size(), " of ", all,
+                                 " test views have no camera in this scene and are not scored: ",
+                                 absl::StrJoin(without_camera, ", ")));
+  }
+  if (scored == 0 && all > 0) notes.emplace_back("no test view is left: nothing is scored");
+  return notes;
+}
 
 std::string BenchmarkScene::PhotosDir() const { return light.empty() ? dir : dir + "/" + light; }
 
@@ -124,23 +142,28 @@ absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews() const {
   return views;
 }
 
-absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews(
-    const Scene& scene, const std::string& work_dir, int holdout_every,
-    std::vector<std::string>* trained_on) const {
+absl::StatusOr<std::vector<TestView>> BenchmarkScene::TestViews(const Scene& scene,
+                                                                const std::string& work_dir,
+                                                                int holdout_every,
+                                                                UnscoredViews* unscored) const {
   LITAGS_ASSIGN_OR_RETURN(std::vector<TestView> given, TestViews());
   if (!sfm || given.empty()) return given;
   LITAGS_ASSIGN_OR_RETURN(const SparseModel found, ReadCameras(work_dir + "/cameras", "cameras"));
   const NameIndex trained(NamesOf(scene.views())), cameras(NamesOf(found.views));
   std::vector<TestView> views;
+  UnscoredViews others;
   for (const TestView& wanted : given) {
-    const auto view = trained.Find(wanted.view.name), camera = cameras.Find(wanted.view.name);
-    if (!view || !camera) continue;
-    if (!IsHeldOut(*view, scene.views().size(), holdout_every)) {
-      if (trained_on != nullptr) trained_on->push_back(wanted.view.name);
-      continue;
+    const std::string& name = wanted.view.name;
+    const auto view = trained.Find(name), camera = cameras.Find(name);
+    if (!view || !camera) {
+      others.without_camera.push_back(name);
+    } else if (!IsHeldOut(*view, scene.views().size(), holdout_every)) {
+      others.trained_on.push_back(name);
+    } else {
+      views.push_back({scene.views()[*view], found.distortions[*camera]});
     }
-    views.push_back({scene.views()[*view], found.distortions[*camera]});
   }
+  if (unscored != nullptr) *unscored = std::move(others);
   return views;
 }
 

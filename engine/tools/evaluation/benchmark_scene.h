@@ -12,6 +12,14 @@
 
 namespace litags {
 
+// Test views that are not scored, by name.
+struct UnscoredViews {
+  std::vector<std::string> trained_on, without_camera;
+
+  // Sentences for the user, where `scored` others are scored.
+  std::vector<std::string> Notes(size_t scored) const;
+};
+
 struct BenchmarkScene {
   std::string dir;
   std::string light;       // folder of the photos to train on; empty: they are in `dir` itself
@@ -42,10 +50,11 @@ struct BenchmarkScene {
   absl::StatusOr<std::vector<TestView>> TestViews() const;
   // With `sfm` they are the trained scene's own, by name: COLMAP's world is another. So are their
   // lenses, which the run in `work_dir` found. That run held out one photo in `holdout_every`; test
-  // views that it trained on are left out and go to `trained_on` (may be null), by name.
-  absl::StatusOr<std::vector<TestView>> TestViews(
-      const Scene& scene, const std::string& work_dir, int holdout_every,
-      std::vector<std::string>* trained_on = nullptr) const;
+  // views that it trained on, or found no camera of, are left out and go to `unscored` (may be
+  // null).
+  absl::StatusOr<std::vector<TestView>> TestViews(const Scene& scene, const std::string& work_dir,
+                                                  int holdout_every,
+                                                  UnscoredViews* unscored = nullptr) const;
 };
 
 }  // namespace litags

@@ -485,12 +485,17 @@ TEST_F(EvaluationTest, TestViewsOfAColmapRunAreTheScenesWithTheirLens) {
   ASSERT_TRUE(WriteColmapModel(dir_ + "/work/cameras", found).ok());
   BenchmarkScene scene{.dir = dir_, .light = "low", .cameras = ""};
   scene.sfm = true;
-  std::vector<std::string> trained_on;
+  UnscoredViews unscored;
   const FlatScene trained(1, found.views);
-  const auto views = scene.TestViews(trained, dir_ + "/work", /*holdout_every=*/2, &trained_on);
+  const auto views = scene.TestViews(trained, dir_ + "/work", /*holdout_every=*/2, &unscored);
   ASSERT_TRUE(views.ok()) << views.status();
-  EXPECT_EQ(trained_on, std::vector<std::string>{"c.png"});
-  EXPECT_TRUE(scene.TestViews(trained, dir_ + "/work", /*holdout_every=*/8)->empty());
+  EXPECT_THAT(unscored.Notes(views->size()),
+              testing::ElementsAre("test views that were trained on are not scored: c.png",
+                                   "1 of 3 test views have no camera in this scene and are not "
+                                   "scored: z.png"));
+  EXPECT_TRUE(scene.TestViews(trained, dir_ + "/work", /*holdout_every=*/8, &unscored)->empty());
+  EXPECT_EQ(unscored.Notes(0).back(), "no test view is left: nothing is scored");
+  EXPECT_THAT(UnscoredViews().Notes(0), testing::IsEmpty());
   ASSERT_EQ(views->size(), 1u);
   EXPECT_EQ(views->at(0).view.name, "b.png");
   EXPECT_EQ(views->at(0).view.camera.fx, 77);

@@ -80,14 +80,11 @@ void RemoveOldPictures(const std::string& out) {
 
 // Renders every test view into OUT/test and compares with the truth photos that there are.
 absl::Status Evaluate(const Arguments& args, const Scene& scene) {
-  std::vector<std::string> trained_on;
+  UnscoredViews unscored;
   LITAGS_ASSIGN_OR_RETURN(
       std::vector<TestView> views,
-      args.scene.TestViews(scene, args.out, args.options.holdout_every, &trained_on));
-  if (!trained_on.empty()) {
-    std::fprintf(stderr, "note: test views that were trained on are not scored: %s\n",
-                 absl::StrJoin(trained_on, ", ").c_str());
-  }
+      args.scene.TestViews(scene, args.out, args.options.holdout_every, &unscored));
+  for (const std::string& note : unscored.Notes(views.size())) PrintNote(note);
   if (views.empty()) return absl::OkStatus();
   views = AtMost(args.options.max_image_side, std::move(views));
   const std::string truth = args.scene.TruthDir(), pictures = args.out + "/test";
