@@ -2,8 +2,10 @@
 #ifndef LITAGS_ENGINE_EXPORT_FORMATS_H_
 #define LITAGS_ENGINE_EXPORT_FORMATS_H_
 
+#include <cstddef>
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "engine/export/export_request.h"
@@ -43,7 +45,9 @@ absl::StatusOr<std::string> EncodeCompressedPly(const ViewerScene& scene);
 // antimatter15/splat: 32 bytes each, the most visible first; one colour from all sides.
 absl::StatusOr<std::string> EncodeSplat(const ViewerScene& scene);
 
-// Niantic: attribute after attribute in 8 to 24 bits, version 3 gzip, 4 zstd.
+// Niantic: attribute after attribute in 8 to 24 bits, version 3 gzip, 4 zstd. CheckSpzCount is of
+// version 3.
+absl::Status CheckSpzCount(size_t gaussians);
 absl::StatusOr<std::string> EncodeSpz(const ViewerScene& scene);
 absl::StatusOr<std::string> EncodeSpzV4(const ViewerScene& scene);
 

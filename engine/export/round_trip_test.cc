@@ -270,6 +270,13 @@ TEST(RoundTrip, SpzRefusesTooLargeScenes) {
   }
 }
 
+TEST(RoundTrip, SpzRefusesMoreGaussiansThanItsReadersTake) {
+  EXPECT_TRUE(CheckSpzCount(10000000).ok());
+  const absl::Status refused = CheckSpzCount(10000001);
+  EXPECT_EQ(Reason(refused), "EXPORT_OUT_OF_RANGE");
+  EXPECT_EQ(NumberAfter("take at most ", refused), 10000000);
+}
+
 TEST(RoundTrip, GlbShowsProgramsOfPointsLinearColors) {
   ViewerScene scene = SmallScene(3, /*sh_degree=*/0);
   for (int k = 0; k < 3; ++k) {

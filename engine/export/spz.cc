@@ -29,6 +29,9 @@ constexpr double kStepOfSize = 1.0 / 8;
 // show it.
 constexpr double kStepsOfScale = 16, kLeastLogScale = -10, kMostChanged = 0.1;
 constexpr double kMostLogScale = kLeastLogScale + 255 / kStepsOfScale;
+// Niantic's own readers refused more (maxPointsToRead in load-spz.cc) until they knew version 4:
+// https://github.com/nianticlabs/spz/pull/73 brought it and took the limit away.
+constexpr size_t kMostOfVersion3 = 10000000;
 constexpr int kZstdLevel = 12;
 // What is left of a byte of a coefficient, as Niantic's own writer has it.
 constexpr int kBitsOfDegree1 = 5, kBitsOfHigher = 4;
@@ -213,7 +216,16 @@ absl::StatusOr<std::string> Zstd(const std::string& bytes, const CancelToken& ca
 
 }  // namespace
 
+absl::Status CheckSpzCount(size_t gaussians) {
+  if (gaussians <= kMostOfVersion3) return absl::OkStatus();
+  return MakeError(absl::StatusCode::kFailedPrecondition, "EXPORT_OUT_OF_RANGE", "format",
+                   absl::StrCat("format: there are ", gaussians, " Gaussians, and readers of spz ",
+                                "take at most ", kMostOfVersion3,
+                                "; give a max_splats of that, or take spz-v4"));
+}
+
 absl::StatusOr<std::string> EncodeSpz(const ViewerScene& scene) {
+  LITAGS_RETURN_IF_ERROR(CheckSpzCount(scene.splats.size()));
   LITAGS_ASSIGN_OR_RETURN(const int bits, FractionalBits(scene.splats));
   const Streams streams = Pack(scene, bits);
   std::string bytes = Header(3, scene, bits, /*streams=*/0);
