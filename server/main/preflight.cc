@@ -29,11 +29,13 @@ constexpr int64_t kAmpleFreeBytes = int64_t{1} << 30;
 
 using Finding = absl::StatusOr<std::string>;  // what was found, for humans
 
-Finding CheckStore(const ServerFlags& flags) {
+Finding CheckStore(const ServerFlags& flags, bool* is_full) {
   LITAGS_ASSIGN_OR_RETURN(const DataDir data, DataDir::Open(flags.data));
   const std::string probe = absl::StrCat(data.tmp(), "/check-", getpid());
-  LITAGS_RETURN_IF_ERROR(WriteFileAtomically(probe, "check\n"));
+  const absl::Status written = WriteFileAtomically(probe, "check\n");
   unlink(probe.c_str());
+  *is_full = HasReason(written, "DISK_FULL");
+  if (!*is_full) LITAGS_RETURN_IF_ERROR(written);
   LITAGS_RETURN_IF_ERROR(CheckJobStore(flags.places, data));
   // Looks into a store on another machine when it is opened.
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(flags.places, data));
@@ -41,7 +43,10 @@ Finding CheckStore(const ServerFlags& flags) {
   // A server that runs holds the lock: no reason to fail, but to say so.
   const bool used = !DataDirLock::Take(data).ok();
   return absl::StrCat(
-      data.root, " can be written", used ? "; a server is using it now" : "; no server is using it",
+      data.root,
+      *is_full ? " is on a full disk: jobs can be deleted, all else needs room (DISK_FULL)"
+               : " can be written",
+      used ? "; a server is using it now" : "; no server is using it",
       data.OthersMayEnter() ? "; others may enter it: chmod 700 keeps them out" : "");
 }
 
@@ -82,7 +87,16 @@ bool Report(const char* what, const Finding& finding) {
   return finding.ok();
 }
 
-// A server with little space starts: jobs can be deleted only while it runs.
+// A server on a full disk starts: jobs can be deleted only while it runs.
+bool ReportStore(const ServerFlags& flags) {
+  bool is_full = false;
+  const Finding found = CheckStore(flags, &is_full);
+  if (!found.ok() || !is_full) return Report("store", found);
+  Print("note", "store", *found);
+  return true;
+}
+
+// A server with little space starts, too.
 bool ReportSpace(const StorePlaces::Folder& folder) {
   struct statvfs info = {};
   if (statvfs(folder.path.c_str(), &info) != 0) {
@@ -150,7 +164,7 @@ absl::Status CheckPrograms(const ServerFlags& flags, const std::string& worker_p
 
 bool Preflight(const ServerFlags& flags, const std::string& worker_program) {
   const absl::Status programs = CheckPrograms(flags, worker_program);
-  bool well = Report("store", CheckStore(flags));
+  bool well = ReportStore(flags);
   for (const auto& folder : flags.places.LocalFolders({flags.data})) well &= ReportSpace(folder);
   well &= Report("programs", programs.ok() ? Finding(worker_program) : Finding(programs));
   well &= Report("colmap", CheckColmap(flags));

@@ -10,7 +10,7 @@
 namespace litags {
 
 // The folder that holds everything of one installation.
-//   litags.db        jobs, files, events
+//   litags.db        jobs, files, events; litags.db-reserve: see sqlite_reserve.h
 //   blobs/           photos, depth maps, checkpoints, scenes, previews, by digest
 //   scratch/         a folder for each job that is running on this machine; see ScratchFolder
 //   uploads/JOB/     files that have come in part; gone once the job is started

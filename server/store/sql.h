@@ -68,6 +68,10 @@ class SqlSession {
   // For databases whose transactions run side by side.
   virtual absl::Status LockOwner(const std::string& /*owner*/) { return absl::OkStatus(); }
 
+  // Lets the open transaction, which is to free room, use what is kept for a full disk.
+  // For databases on a disk of this machine.
+  virtual void UseReserve() {}
+
   // Tells whoever waits for the topic, once the open transaction is committed.
   virtual void Announce(ChangeTopic) {}
 };

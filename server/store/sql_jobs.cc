@@ -194,6 +194,7 @@ class SqlJobTransaction : public JobTransaction {
 
   absl::Status Remove() override {
     removed_ = true;
+    sql_.UseReserve();
     const auto remove = sql_.Prepare("DELETE FROM jobs WHERE id=?1");  // cascades
     remove->Bind(id_);
     return remove->Run().status();

@@ -3,15 +3,26 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <cerrno>
+
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 
 namespace litags {
 namespace {
 
+// SQLite says SQLITE_FULL of its database and log only: not where its shared memory finds no room,
+// nor where a quota ends.
+bool IsDiskFull(sqlite3* db, int result) {
+  if (result == SQLITE_FULL) return true;
+  if (result != SQLITE_IOERR && result != SQLITE_CANTOPEN) return false;
+  const int error = sqlite3_system_errno(db);
+  return error == ENOSPC || error == EDQUOT;
+}
+
 absl::Status ErrorOf(sqlite3* db, int result) {
   const std::string text = db ? sqlite3_errmsg(db) : sqlite3_errstr(result);
-  if (result == SQLITE_FULL) {
+  if (IsDiskFull(db, result)) {
     return MakeError(absl::StatusCode::kResourceExhausted, "DISK_FULL", "",
                      "the job store's disk is full; free some space and try again");
   }
@@ -124,6 +135,7 @@ absl::Status SqliteConnection::Execute(const std::string& sql) {
 
 absl::StatusOr<std::unique_ptr<SqliteTransaction>> SqliteTransaction::Begin(
     SqliteConnection* connection) {
+  connection->uses_reserve_ = false;
   // IMMEDIATE: takes the write lock now, so that what is read cannot change before the commit.
   LITAGS_RETURN_IF_ERROR(connection->Execute("BEGIN IMMEDIATE"));
   return std::unique_ptr<SqliteTransaction>(new SqliteTransaction(connection));

@@ -47,11 +47,17 @@ class SqliteConnection : public SqlSession {
 
   std::unique_ptr<SqlStatement> Prepare(const std::string& sql) override;
   absl::Status Execute(const std::string& sql) override;
+  void UseReserve() override { uses_reserve_ = true; }
+
+  // Whether the last transaction may; see SqlSession::UseReserve().
+  bool uses_reserve() const { return uses_reserve_; }
 
  private:
+  friend class SqliteTransaction;
   explicit SqliteConnection(sqlite3* db) : db_(db) {}
   sqlite3* db_;
   std::unordered_map<std::string, sqlite3_stmt*> statements_;
+  bool uses_reserve_ = false;
 };
 
 // A write transaction: rolled back unless Commit() succeeded.

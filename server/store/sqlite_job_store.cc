@@ -8,6 +8,7 @@
 #include "server/store/sql_job_store.h"
 #include "server/store/sqlite.h"
 #include "server/store/sqlite_migrations.h"
+#include "server/store/sqlite_reserve.h"
 
 namespace litags {
 namespace {
@@ -18,8 +19,11 @@ constexpr std::chrono::milliseconds kPollInterval{50};
 // One connection, one writer at a time: transactions need no row locks.
 class SqliteJobStore : public SqlJobStore {
  public:
-  explicit SqliteJobStore(std::unique_ptr<SqliteConnection> db)
-      : SqlJobStore("", ""), db_(std::move(db)) {}
+  SqliteJobStore(std::string path, std::unique_ptr<SqliteConnection> db)
+      : SqlJobStore("", ""),
+        path_(std::move(path)),
+        db_(std::move(db)),
+        reserve_is_full_(FillReserve(path_)) {}
 
   // Whoever waits for the queue is woken by all changes; looking at it is cheap here.
   absl::StatusOr<int64_t> WaitForChange(ChangeTopic, int64_t seen, double seconds) override {
@@ -44,7 +48,12 @@ class SqliteJobStore : public SqlJobStore {
 
   absl::Status Write(WriteWork work) override {
     std::lock_guard lock(mutex_);
-    const absl::Status status = WriteOnce(work);
+    absl::Status status = WriteOnce(work);
+    while (HasReason(status, "DISK_FULL") && db_->uses_reserve() && DrawOnReserve(path_)) {
+      reserve_is_full_ = false;
+      status = WriteOnce(work);
+    }
+    if (status.ok() && !reserve_is_full_) reserve_is_full_ = FillReserve(path_);
     if (HasReason(status, "DISK_FULL") || HasReason(status, "STORE_FAILED") ||
         HasReason(status, "STORE_BUSY")) {
       fails_ = true;
@@ -71,8 +80,10 @@ class SqliteJobStore : public SqlJobStore {
     return own_commits_ + row->Int(0);
   }
 
+  const std::string path_;
   std::mutex mutex_;
   std::unique_ptr<SqliteConnection> db_;
+  bool reserve_is_full_;
   int64_t own_commits_ = 0;
   std::atomic<bool> fails_ = false;  // since a write that did
   std::atomic<int64_t> reachable_since_ms_ = 0;
@@ -83,7 +94,7 @@ class SqliteJobStore : public SqlJobStore {
 absl::StatusOr<std::unique_ptr<JobStore>> OpenSqliteJobStore(const std::string& path) {
   LITAGS_ASSIGN_OR_RETURN(auto connection, SqliteConnection::Open(path));
   LITAGS_RETURN_IF_ERROR(MigrateSqlite(connection.get()));
-  return std::unique_ptr<JobStore>(std::make_unique<SqliteJobStore>(std::move(connection)));
+  return std::unique_ptr<JobStore>(std::make_unique<SqliteJobStore>(path, std::move(connection)));
 }
 
 }  // namespace litags

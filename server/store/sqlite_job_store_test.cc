@@ -1,6 +1,7 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -15,6 +16,7 @@
 #include "server/store/sql_jobs.h"
 #include "server/store/sqlite.h"
 #include "server/store/sqlite_migrations.h"
+#include "server/store/sqlite_reserve.h"
 #include "server/testing/no_room.h"
 
 namespace litags {
@@ -127,6 +129,26 @@ TEST_F(SqliteJobStoreTest, OpeningTheFileAgainKeepsTheLocksOfTheFirstConnection)
   EXPECT_TRUE(is_locked());
   ASSERT_TRUE(SqliteConnection::Open(path).ok());
   EXPECT_TRUE(is_locked());
+}
+
+// On a disk that is full: tests/crash/full_disk_test.py.
+TEST_F(SqliteJobStoreTest, ReserveTakesRoomAndIsGivenBackInParts) {
+  const std::string path = dir_.path() + "/jobs.db", reserve = path + "-reserve";
+  const auto store = *OpenSqliteJobStore(path);
+  struct stat info = {};
+  ASSERT_EQ(stat(reserve.c_str(), &info), 0);
+  EXPECT_EQ(info.st_size, kReserveBytes);
+  EXPECT_GE(info.st_blocks * 512, kReserveBytes);
+  int parts = 0;
+  for (int64_t left = kReserveBytes; DrawOnReserve(path); ++parts) {
+    const auto size = static_cast<int64_t>(std::filesystem::file_size(reserve));
+    ASSERT_LT(size, left);
+    left = size;
+  }
+  EXPECT_GT(parts, 4);
+  EXPECT_EQ(std::filesystem::file_size(reserve), 0u);
+  EXPECT_TRUE(FillReserve(path));
+  EXPECT_EQ(std::filesystem::file_size(reserve), size_t{kReserveBytes});
 }
 
 TEST_F(SqliteJobStoreTest, CommitsAreSyncedInWalMode) {
