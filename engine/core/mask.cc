@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -69,9 +71,6 @@ void FillFrom(const Image<T>& half, const PlaneU8& known, Image<T>* image) {
 
 std::string FieldOf(const std::string& mask) { return absl::StrCat("masks[", mask, "]"); }
 
-// Without the part after the last dot.
-std::string WithoutExtension(const std::string& name) { return name.substr(0, name.rfind('.')); }
-
 // Other tools' names: "0001_mask", "0001.jpg.mask".
 std::string WithoutMaskWord(const std::string& name) {
   for (const char* word : {"_mask", ".mask"}) {
@@ -121,37 +120,26 @@ void FillMasked(const PlaneU8& mask, Image<T>* image) {
 template void FillMasked(const PlaneU8&, Image<uint8_t>*);
 template void FillMasked(const PlaneU8&, Image<int16_t>*);
 
-MaskMatcher::MaskMatcher(absl::Span<const std::string> photos)
-    : names_(photos.begin(), photos.end()) {
-  for (const std::string& photo : photos) {
-    const auto [first, added] = by_stem_.emplace(WithoutExtension(photo), photo);
-    if (!added) first->second.clear();
-  }
-}
+MaskMatcher::MaskMatcher(absl::Span<const std::string> photos) : photos_(photos) {}
 
 absl::StatusOr<std::string> MaskMatcher::PhotoOf(const std::string& mask) const {
-  const std::string wanted = WithoutExtension(mask);
-  std::string photo;
-  bool several = false;
-  for (const std::string& form : {wanted, WithoutMaskWord(wanted)}) {
-    if (names_.contains(form)) photo = form;
-    const auto stem = by_stem_.find(form);
-    if (!photo.empty() || stem == by_stem_.end()) continue;
-    photo = stem->second;
-    several = photo.empty();
+  const std::string wanted = WithoutEnding(mask);
+  std::optional<std::string> photo = photos_.Find(wanted);
+  if (!photo || photo->empty()) {
+    if (auto other = photos_.Find(WithoutMaskWord(wanted))) photo = std::move(other);
   }
-  if (several) {
+  if (photo == "") {
     return InvalidInput("MASK_AMBIGUOUS", FieldOf(mask),
                         absl::StrCat(FieldOf(mask), ": several photos are called ", wanted,
                                      ".*; name the mask <photo's whole name>.png"));
   }
-  if (photo.empty()) {
+  if (!photo) {
     return InvalidInput(
         "MASK_WITHOUT_PHOTO", FieldOf(mask),
         absl::StrCat(FieldOf(mask), ": there is no photo ", wanted, " or ", wanted,
                      ".*; name masks <photo's name>.png, as 0001.jpg.png, or leave it out"));
   }
-  return photo;
+  return *std::move(photo);
 }
 
 absl::StatusOr<std::map<std::string, std::string>> MatchMasks(absl::Span<const std::string> photos,

@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <cstring>
 #include <map>
-#include <set>
 #include <string>
 
 #include "absl/status/status.h"
@@ -15,6 +14,7 @@
 #include "absl/types/span.h"
 #include "engine/core/color.h"
 #include "engine/core/image.h"
+#include "engine/core/photo_names.h"
 
 namespace litags {
 
@@ -78,8 +78,7 @@ class MaskMatcher {
   absl::StatusOr<std::string> PhotoOf(const std::string& mask) const;
 
  private:
-  std::set<std::string> names_;
-  std::map<std::string, std::string> by_stem_;  // empty: several photos
+  PhotoNames photos_;
 };
 
 // Which mask belongs to which photo. Errors of MaskMatcher, and INVALID_ARGUMENT (MASK_TWICE).

@@ -124,7 +124,7 @@ class FolderDepthProvider : public DepthProvider {
   absl::StatusOr<std::optional<DepthMap>> Read(const PosedPhoto& posed,
                                                std::vector<std::string>* useless) const {
     const Photo& photo = *posed.photo;
-    const std::string path = FindDepthMap(folder_, Stem(posed.view->name));
+    const std::string path = FindDepthMap(folder_, posed.view->name);
     if (path.empty()) return std::nullopt;
     const std::string field = absl::StrCat("depth/", BaseName(path));
     absl::StatusOr<Planes> plane = ReadDepthMap(path, field);

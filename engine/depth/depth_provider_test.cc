@@ -5,6 +5,7 @@
 #include <cmath>
 #include <fstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/core/error.h"
@@ -66,6 +67,20 @@ TEST_F(FolderDepth, ReadsPfmAndNpyByThePhotosStem) {
     ASSERT_TRUE(depth->has_value()) << name;
     EXPECT_EQ((*depth)->depth.data, ramp.data);
     EXPECT_TRUE((*depth)->confidence.empty());
+  }
+}
+
+TEST_F(FolderDepth, PhotosOfOneStemHaveMapsByTheirWholeNames) {
+  for (const char* name : {"0001.JPG", "0001.jpeg"}) {
+    Planes ramp = Ramp(8, 6);
+    ramp.data[0] = name == std::string("0001.JPG") ? 2 : 3;
+    ASSERT_TRUE(WritePfm(Path(std::string(name) + ".pfm"), ramp).ok());
+  }
+  for (const auto& [name, first] : {std::pair("0001.JPG", 2), std::pair("0001.jpeg", 3)}) {
+    const auto depth = Depth(name, 8, 6);
+    ASSERT_TRUE(depth.ok()) << depth.status();
+    ASSERT_TRUE(depth->has_value()) << name;
+    EXPECT_EQ((*depth)->depth.data[0], first) << name;
   }
 }
 

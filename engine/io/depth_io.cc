@@ -11,6 +11,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/check.h"
+#include "engine/core/photo_names.h"
 #include "engine/io/byte_reader.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_header.h"
@@ -218,9 +219,9 @@ absl::StatusOr<DepthSize> ParseDepthSize(std::string_view bytes, std::string_vie
   return DepthSize{static_cast<int>(width), static_cast<int>(height)};
 }
 
-std::string FindDepthMap(const std::string& dir, std::string_view stem) {
-  for (const char* extension : {".npy", ".pfm", ".png"}) {
-    const std::string path = absl::StrCat(dir, "/", Absl(stem), extension);
+std::string FindDepthMap(const std::string& dir, const std::string& photo) {
+  for (const std::string& name : DepthMapNames(BaseName(photo))) {
+    const std::string path = absl::StrCat(dir, "/", name);
     std::error_code ignored;
     if (std::filesystem::is_regular_file(path, ignored)) return path;
   }

@@ -29,9 +29,8 @@ struct DepthSize {
 absl::StatusOr<DepthSize> ReadDepthSize(const std::string& path, std::string_view field);
 absl::StatusOr<DepthSize> ParseDepthSize(std::string_view bytes, std::string_view field);
 
-// The first existing of dir/stem.{npy,pfm,png}: a PNG beside another may be a picture of it. Empty
-// if none.
-std::string FindDepthMap(const std::string& dir, std::string_view stem);
+// The first of the photo's DepthMapNames() that exists in `dir`, with it. Empty if none.
+std::string FindDepthMap(const std::string& dir, const std::string& photo);
 
 // 1 or 3 planes as little-endian PFM (rows bottom to top, as the format wants).
 std::string EncodePfm(const Planes& planes);

@@ -132,12 +132,12 @@ TEST(DepthMap, RefusesEveryTruncation) {
   }
 }
 
-TEST(FindDepthMap, PrefersNpyThenPfmThenPng) {
+TEST(FindDepthMap, PrefersThePhotosWholeNameAndNpyThenPfmThenPng) {
   TempDir dir;
-  EXPECT_EQ(FindDepthMap(dir.path(), "a"), "");
-  for (const char* name : {"a.png", "a.pfm", "a.npy"}) {
+  EXPECT_EQ(FindDepthMap(dir.path(), "a.jpg"), "");
+  for (const char* name : {"a.png", "a.pfm", "a.npy", "a.jpg.png", "a.jpg.npy"}) {
     std::ofstream(dir / name) << "x";
-    EXPECT_EQ(FindDepthMap(dir.path(), "a"), dir / name);
+    EXPECT_EQ(FindDepthMap(dir.path(), "a.jpg"), dir / name);
   }
 }
 

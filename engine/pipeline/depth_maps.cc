@@ -14,6 +14,7 @@
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
+#include "engine/core/photo_names.h"
 #include "engine/core/quantile.h"
 #include "engine/core/spread_indices.h"
 #include "engine/depth/depth_provider.h"
@@ -25,6 +26,7 @@
 #include "engine/io/mask_io.h"
 #include "engine/io/wide_lens.h"
 #include "engine/pipeline/photo_place.h"
+#include "engine/pipeline/photo_screen.h"
 #include "engine/stereo/stereo.h"
 
 namespace litags {
@@ -151,7 +153,7 @@ absl::StatusOr<DepthOrigin> OriginFor(const Context& context,
   if (origin != DepthOrigin::kMaps || photos.empty()) return origin;
   const std::string& dir = context.input.depth_dir;
   for (const PosedPhoto& photo : photos) {
-    if (!FindDepthMap(dir, Stem(photo.view->name)).empty()) return origin;
+    if (!FindDepthMap(dir, photo.view->name).empty()) return origin;
   }
   const std::string none = absl::StrCat("none of the ", photos.size(), " training photos, such as ",
                                         photos[0].view->name, ", has a map in the depth folder");
@@ -284,15 +286,18 @@ DepthOrigin ResolveDepthOrigin(const Recipe& recipe, const ReconstructOptions& o
 
 absl::Status CheckMapsFit(const CutInput& input, std::vector<std::string>* notes) {
   LITAGS_RETURN_IF_ERROR(MakeFolderDepthProvider(input.depth_dir).status());
-  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> photos,
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> files,
                           ListPhotos(input.images_dir, "images"));
+  const std::vector<std::string> photos = PhotosAmong(files);
+  const PhotoNames names(photos);
   bool any = false;
   std::vector<std::string> turned;  // photos that EXIF turns into the same shape
   for (const std::string& photo : photos) {
-    const std::string path = FindDepthMap(input.depth_dir, Stem(photo));
+    const std::string path = FindDepthMap(input.depth_dir, photo);
     if (path.empty()) continue;
     any = true;
     const std::string field = absl::StrCat("depth/", BaseName(path));
+    LITAGS_RETURN_IF_ERROR(CheckDepthMapIsOf(photo, BaseName(path), names, field));
     LITAGS_ASSIGN_OR_RETURN(const DepthSize map, ReadDepthSize(path, field));
     const auto size = ReadImageSize(PhotoPath(input, photo), PhotoField(photo));
     if (!size.ok()) continue;  // whoever needs it says why
@@ -322,14 +327,14 @@ absl::Status CheckMapsFit(const CutInput& input, std::vector<std::string>* notes
                    ", as ", Stem(first), ".png, .pfm or .npy, or choose another depth source"));
 }
 
-std::vector<std::string> MapStemsOfViews(const std::string& photo) {
-  std::vector<std::string> stems;
+std::vector<std::string> NamesOfViews(const std::string& photo) {
+  std::vector<std::string> names;
   for (const CubeView& view : kCubeViews) {
     for (const std::string& base : {Stem(photo), photo}) {  // as WithViewsOfWidePhotos() has it
-      stems.push_back(absl::StrCat(base, "_", view.name));
+      names.push_back(absl::StrCat(base, "_", view.name, ".png"));
     }
   }
-  return stems;
+  return names;
 }
 
 absl::Status CheckDepthSource(const Context& context) {

@@ -33,12 +33,13 @@ inline DepthOrigin ResolveDepthOrigin(const Context& context) {
 }
 
 // If the maps in input.depth_dir cannot be those of the photos, by their names and first bytes:
-// DEPTH_MAP_WITHOUT_PHOTO where none is of a photo, DEPTH_MAP_SIZE, DEPTH_FOLDER_MISSING, errors of
-// ReadDepthSize. `notes` (may be null) gets one where maps may be of photos before EXIF turns them.
+// DEPTH_MAP_WITHOUT_PHOTO where none is of a photo, DEPTH_MAP_AMBIGUOUS, DEPTH_MAP_SIZE,
+// DEPTH_FOLDER_MISSING, errors of ReadDepthSize. `notes` (may be null) gets one where maps may be
+// of photos before EXIF turns them.
 absl::Status CheckMapsFit(const CutInput& input, std::vector<std::string>* notes);
 
-// What maps of the views of a wide photo may be called, without their endings.
-std::vector<std::string> MapStemsOfViews(const std::string& photo);
+// What the views of a wide photo may be called.
+std::vector<std::string> NamesOfViews(const std::string& photo);
 
 // If the source has nothing to work with, before the cameras are searched for: INVALID_ARGUMENT
 // (DEPTH_MAPS_MISSING, DEPTH_MODEL_MISSING), errors of CheckMapsFit. The report gets its notes.

@@ -235,6 +235,42 @@ TEST(CheckMapsFit, RefusesWhatCannotBeReadAsAMap) {
   EXPECT_EQ(reason(".npy", "PK"), "DEPTH_NOT_RECOGNIZED");
 }
 
+TEST(CheckMapsFit, RefusesAMapThatMayBeOfTwoPhotos) {
+  const Photographs photos;
+  ReconstructInput input = photos.Input("work");
+  input.cameras_path.clear();
+  input.depth_dir = input.work_dir + "/maps";
+  const std::string photo = photos.model.views[2].name, stem = Stem(photo);
+  std::filesystem::create_directory(input.depth_dir);
+  std::filesystem::copy_file(input.images_dir + "/" + photos.model.views[3].name,
+                             input.images_dir + "/" + stem + ".jpeg");
+  const auto give = [&](const std::string& map) {
+    ASSERT_TRUE(WritePfm(input.depth_dir + "/" + map, Planes(1, kHeight, kWidth)).ok());
+  };
+  give(photo + ".pfm");
+  EXPECT_EQ(Reason(CheckMapsFit(CutInput(input), nullptr)), "");
+  give(stem + ".pfm");
+  const absl::Status status = Reconstruct(input, WithSource(DepthOrigin::kAuto)).status();
+  EXPECT_EQ(Reason(status), "DEPTH_MAP_AMBIGUOUS");
+  EXPECT_EQ(GetErrorDetail(status)->field, "depth/" + stem + ".pfm");
+  EXPECT_THAT(std::string(status.message()), HasSubstr("as " + stem + ".jpeg.pfm"));
+  give(stem + ".jpeg.pfm");
+  EXPECT_EQ(Reason(CheckMapsFit(CutInput(input), nullptr)), "");
+}
+
+TEST(CheckMapsFit, AMaskAmongThePhotosHasNoMap) {
+  const Photographs photos;
+  ReconstructInput input = photos.Input("work");
+  input.depth_dir = input.work_dir + "/maps";
+  std::filesystem::create_directory(input.depth_dir);
+  const std::string photo = photos.model.views[2].name;
+  ASSERT_TRUE(WriteFileAtomically(input.images_dir + "/" + photo + ".png",
+                                  EncodeMask(PlaneU8(kWidth, kHeight)).value())
+                  .ok());
+  ASSERT_TRUE(WritePfm(input.depth_dir + "/" + photo + ".pfm", Planes(1, kHeight, kWidth)).ok());
+  EXPECT_EQ(Reason(CheckMapsFit(CutInput(input), nullptr)), "");
+}
+
 // Their maps may be of the sensor's picture.
 TEST(CheckMapsFit, SaysThatMapsMustBeUprightWhereExifTurnsPhotos) {
   const Photographs photos;

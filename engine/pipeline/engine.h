@@ -23,7 +23,9 @@ struct ReconstructInput {
   std::string cameras_path;  // transforms*.json or a COLMAP model folder; empty: run SfM
   // Those cameras are of the photos upright, whatever their sizes say.
   bool cameras_are_upright = false;
-  std::string depth_dir;  // <photo stem>.{png,pfm,npy}; empty: none given
+  // <photo name>.{npy,pfm,png} or <photo stem>.{npy,pfm,png}. Photos may lack one. Empty: none
+  // given.
+  std::string depth_dir;
   // <photo name>.png or <photo stem>.png, 8 bits, of the photo's upright size: 0 where a pixel is
   // not of the scene and must not be learnt. Photos may lack one. Empty: none given.
   std::string masks_dir;

@@ -146,7 +146,7 @@ PhotoMaps MapsOf(absl::Span<const ScreenedPhoto> photos, const ReconstructInput&
     }
     case DepthOrigin::kMaps:
       for (const ScreenedPhoto& photo : photos) {
-        const std::string path = FindDepthMap(input.depth_dir, Stem(photo.name));
+        const std::string path = FindDepthMap(input.depth_dir, photo.name);
         if (path.empty()) continue;
         maps.depth[photo.name] = ReadDepthSize(path, path).value_or(DepthSize()).pixels();
       }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
+#include <tuple>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -23,14 +25,22 @@ constexpr double kUnlit = 0.5;
 // Channels that differ by less are the same but for rounding.
 constexpr int kSameSample = kPhotoCode / 8;
 
-// The photo to keep of those with the same pixels: copies have longer names ("0001 (1).jpg"), which
-// cameras do not know.
-std::map<std::string, std::string> Originals(absl::Span<const ScreenedPhoto> photos) {
-  std::map<std::string, std::string> originals;
+// Whether `a` is kept, of two photos with the same pixels. Copies have longer names, as
+// "0001 (1).jpg".
+bool IsKept(const ScreenedPhoto& a, const ScreenedPhoto& b) {
+  const auto rank = [](const ScreenedPhoto& photo) {
+    return std::tuple(-photo.named_by_cameras, !photo.has_depth_map, photo.name.size());
+  };
+  return rank(a) < rank(b);
+}
+
+// The photos to keep, by their pixels.
+std::map<std::string, const ScreenedPhoto*> Originals(absl::Span<const ScreenedPhoto> photos) {
+  std::map<std::string, const ScreenedPhoto*> originals;
   for (const ScreenedPhoto& photo : photos) {
     if (photo.pixels.empty()) continue;
-    std::string& name = originals.emplace(photo.pixels, photo.name).first->second;
-    if (photo.name.size() < name.size()) name = photo.name;
+    const ScreenedPhoto*& original = originals.emplace(photo.pixels, &photo).first->second;
+    if (IsKept(photo, *original)) original = &photo;
   }
   return originals;
 }
@@ -101,11 +111,18 @@ double MiddleOf(absl::Span<const ScreenedPhoto> photos, double ScreenedPhoto::*m
   return MedianInPlace(values);
 }
 
+bool HasCopies(absl::Span<const ScreenedPhoto> photos) {
+  std::set<std::string> pixels;
+  return std::any_of(photos.begin(), photos.end(), [&](const ScreenedPhoto& photo) {
+    return !photo.pixels.empty() && !pixels.insert(photo.pixels).second;
+  });
+}
+
 std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos) {
-  const std::map<std::string, std::string> originals = Originals(photos);
+  const std::map<std::string, const ScreenedPhoto*> originals = Originals(photos);
   const auto original = [&](const ScreenedPhoto& photo) {
     const auto same = originals.find(photo.pixels);
-    return same == originals.end() ? photo.name : same->second;
+    return same == originals.end() ? photo.name : same->second->name;
   };
   std::vector<double> light, fine;
   for (const ScreenedPhoto& photo : photos) {

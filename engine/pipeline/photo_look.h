@@ -26,6 +26,9 @@ struct ScreenedPhoto {
   PhotoDetail detail;
   std::optional<std::array<uint8_t, 3>> flat;  // as FlatColor has it
   std::string pixels;                          // fingerprint; empty where flat
+  // Of copies alone: how closely given cameras name it (HowNamed), and whether a depth map does.
+  int named_by_cameras = 0;
+  bool has_depth_map = false;
   // Its metadata say what of the sphere it is, so that a run without given cameras takes views of
   // it.
   bool has_views = false;
@@ -41,10 +44,14 @@ ScreenedPhoto LookAt(std::string name, const Photo& photo);
 // Median of this member of the photos; 0 without photos.
 double MiddleOf(absl::Span<const ScreenedPhoto> photos, double ScreenedPhoto::*member);
 
+// Whether some have the same pixels.
+bool HasCopies(absl::Span<const ScreenedPhoto> photos);
+
 // Why each photo is left out ("is the same photo as a.jpg"); empty: it is used. Left out are photos
-// of one colour, of nothing but noise (a cap on the lens), blurred ones among sharp ones, of photos
-// with the same pixels all but the one with the shortest name, and strips among photos that are
-// none. Those of one colour, and copies, do not count for what the middle photo is.
+// of one colour, of nothing but noise (a cap on the lens), blurred ones among sharp ones, copies,
+// and strips among photos that are none. Of photos with the same pixels one is kept: that which
+// given cameras name, else that with a depth map, else that with the shortest name. Those of one
+// colour, and copies, do not count for what the middle photo is.
 std::vector<std::string> WhyLeftOut(absl::Span<const ScreenedPhoto> photos);
 
 }  // namespace litags

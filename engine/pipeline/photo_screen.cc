@@ -14,8 +14,10 @@
 #include "engine/core/limits.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
+#include "engine/core/photo_names.h"
 #include "engine/io/alpha_mask.h"
 #include "engine/io/cameras_io.h"
+#include "engine/io/depth_io.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_header.h"
 #include "engine/io/image_io.h"
@@ -347,6 +349,35 @@ void ShareDetail(const RigViews& rig_views, std::vector<ScreenedPhoto>* photos) 
   }
 }
 
+// KeysOf() the paths of the given cameras' photos.
+std::set<std::string> KeysOfCameras(const ReconstructInput& input) {
+  std::set<std::string> keys;
+  if (input.cameras_path.empty()) return keys;
+  const PhotoSizes sizes = [](const std::string&) {
+    return PhotoSize{kMaxImageSide, kMaxImageSide};  // shows all points
+  };
+  PanoramaNames panoramas;
+  const absl::StatusOr<SparseModel> cameras =
+      ReadCameras(ResolveCameras(input.cameras_path), "cameras", sizes, &panoramas);
+  if (!cameras.ok()) return keys;  // whoever needs them says why
+  for (size_t i = 0; i < cameras->views.size(); ++i) {
+    for (std::string& key : KeysOf(cameras->PathOf(i))) keys.insert(std::move(key));
+  }
+  return keys;
+}
+
+// Which copies given cameras and depth maps name. Where there are none, cameras are not read.
+void MarkNamed(const ReconstructInput& input, std::vector<ScreenedPhoto>* photos) {
+  if (!HasCopies(*photos)) return;
+  const std::set<std::string> keys = KeysOfCameras(input);
+  for (ScreenedPhoto& photo : *photos) {
+    photo.named_by_cameras =
+        HowNamed(photo.name, [&](const std::string& key) { return keys.contains(key); });
+    photo.has_depth_map =
+        !input.depth_dir.empty() && !FindDepthMap(input.depth_dir, photo.name).empty();
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> PhotoScreen::Names() const {
@@ -355,10 +386,12 @@ std::vector<std::string> PhotoScreen::Names() const {
   return names;
 }
 
-bool HasMasksAmong(const std::vector<std::string>& names) {
+std::vector<std::string> PhotosAmong(const std::vector<std::string>& names) {
   const NameIndex index(names);
-  return std::any_of(names.begin(), names.end(),
-                     [&](const std::string& name) { return PhotoOfMask(name, index).has_value(); });
+  std::vector<std::string> photos = names;
+  std::erase_if(photos,
+                [&](const std::string& name) { return PhotoOfMask(name, index).has_value(); });
+  return photos;
 }
 
 absl::Status CheckPhotosLeft(size_t used, absl::Span<const PhotoLeftOut> left_out) {
@@ -406,6 +439,7 @@ absl::StatusOr<PhotoScreen> ScreenPhotos(const CutInput& input, int threads,
     if (d.status.ok()) readable.push_back(d.photo);
   }
   ShareDetail(input.rig_views, &readable);
+  MarkNamed(input, &readable);
   const std::vector<std::string> why = WhyLeftOut(readable);
   std::vector<Decoded> used;
   size_t next = 0;  // of those

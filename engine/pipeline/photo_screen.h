@@ -41,8 +41,8 @@ struct PhotoScreen {
   std::vector<std::string> notes;  // of all this, one a line
 };
 
-// Whether some of these files are masks of others by their names, such as 0001_mask.png.
-bool HasMasksAmong(const std::vector<std::string>& names);
+// Those of these files that are no masks of others by their names, such as 0001_mask.png.
+std::vector<std::string> PhotosAmong(const std::vector<std::string>& names);
 
 // As CheckPhotoCount() of so many photos that are used; says why the first of the others is not.
 absl::Status CheckPhotosLeft(size_t used, absl::Span<const PhotoLeftOut> left_out);

@@ -12,10 +12,12 @@
 #include <thread>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/error_test_util.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
 #include "engine/core/rng.h"
+#include "engine/io/depth_io.h"
 #include "engine/io/dng.h"
 #include "engine/io/file_util.h"
 #include "engine/io/mask_io.h"
@@ -425,6 +427,28 @@ TEST(PhotoScreen, TheSamePhotoTwiceIsLearntOnce) {
   EXPECT_THAT(report->notes,
               Contains("v003 (1).png is left out: it is the same photo as v003.png"));
   EXPECT_EQ(report->registered, 5);
+}
+
+TEST(PhotoScreen, OfTheSamePhotoTwiceTheOneThatCamerasNameIsLearnt) {
+  const RoomCapture capture(6);
+  for (int i = 0; i < 6; ++i) {
+    fs::copy_file(capture.Path("images/" + RoomCapture::Name(i)),
+                  capture.Path(absl::StrCat("images/", i, ".png")));
+  }
+  ReconstructInput input = capture.Input("work");
+  const auto report = Train(input, capture.Options(10));
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_EQ(report->registered, 6);
+  EXPECT_THAT(report->notes, Contains("3.png is left out: it is the same photo as v003.png"));
+  // Cameras are searched for: the shortest name, unless a depth map has another.
+  input.cameras_path.clear();
+  input.depth_dir = capture.Path("depth");
+  fs::create_directory(input.depth_dir);
+  ASSERT_TRUE(WritePfm(input.depth_dir + "/v002.pfm", capture.Depth(2)).ok());
+  const auto screen = Screen(input);
+  ASSERT_TRUE(screen.ok()) << screen.status();
+  EXPECT_THAT(screen->Names(),
+              ElementsAre("0.png", "1.png", "3.png", "4.png", "5.png", "v002.png"));
 }
 
 TEST(PhotoScreen, AFarCameraIsNamedAndMovesNoOrbit) {

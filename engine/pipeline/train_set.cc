@@ -129,7 +129,7 @@ void AddDepthFiles(const ReconstructInput& input, DepthOrigin depth,
                    const std::vector<TrainView>& train, Fingerprint* f) {
   if (depth == DepthOrigin::kMaps) {
     for (const TrainView& v : train) {
-      const std::string map = FindDepthMap(input.depth_dir, Stem(v.view.name));
+      const std::string map = FindDepthMap(input.depth_dir, v.view.name);
       f->AddFileIfReadable(map, ImageLimits().max_bytes);
     }
   }

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <utility>
 #include <vector>
 
+#include "engine/core/photo_names.h"
 #include "engine/pipeline/photo_look.h"
 #include "server/api/convert.h"
 #include "server/jobs/photo_looks.h"
@@ -24,6 +26,26 @@ v1::PhotoFindings ToProto(const PhotoFindings& findings) {
   return proto;
 }
 
+// As the engine's ScreenPhotos().
+void MarkNamed(absl::Span<const FileRecord> files, std::vector<ScreenedPhoto>* photos) {
+  if (!HasCopies(*photos)) return;
+  std::set<std::string> maps;
+  for (const FileRecord& file : files) {
+    if (file.role == FileRole::kDepth) maps.insert(file.name);
+    if (!GivesCameras(file.role)) continue;
+    const std::optional<CameraFindings> cameras = ParseCameraFindings(file.about);
+    if (!cameras) continue;
+    for (ScreenedPhoto& photo : *photos) {
+      photo.named_by_cameras = std::max(photo.named_by_cameras, cameras->HowNamed(photo.name));
+    }
+  }
+  for (ScreenedPhoto& photo : *photos) {
+    const std::vector<std::string> names = DepthMapNames(photo.name);
+    photo.has_depth_map = std::any_of(names.begin(), names.end(),
+                                      [&](const std::string& name) { return maps.contains(name); });
+  }
+}
+
 }  // namespace
 
 std::map<std::string, v1::PhotoFindings> FindingsOf(absl::Span<const FileRecord> files) {
@@ -38,6 +60,7 @@ std::map<std::string, v1::PhotoFindings> FindingsOf(absl::Span<const FileRecord>
     found[file.name] = ToProto(*findings);
     photos.push_back(LookOf(file, *findings, with_cameras));
   }
+  MarkNamed(files, &photos);
   const double middle = MiddleOf(photos, &ScreenedPhoto::light);
   const double middle_sharpness = MiddleOf(photos, &ScreenedPhoto::sharpness);
   std::vector<std::string> why = WhyLeftOutAsFound(photos);

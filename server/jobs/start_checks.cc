@@ -1,7 +1,6 @@
 #include "server/jobs/start_checks.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
@@ -14,6 +13,7 @@
 #include "engine/core/error.h"
 #include "engine/core/limits.h"
 #include "engine/core/mask.h"
+#include "engine/core/photo_names.h"
 #include "engine/pipeline/depth_maps.h"
 #include "engine/pipeline/given_cameras.h"
 #include "engine/pipeline/memory_estimate.h"
@@ -171,10 +171,10 @@ DepthOrigin OriginOfDepth(const Files& files, const ReconstructOptions& options)
 }
 
 // As FindDepthMap() finds it; null if there is none.
-const FileRecord* MapOf(const Files& files, const std::string& stem) {
+const FileRecord* MapOf(const Files& files, const std::string& photo) {
   const auto& maps = Of(files, FileRole::kDepth);
-  for (const char* ending : {".npy", ".pfm", ".png"}) {
-    const auto found = maps.find(stem + ending);
+  for (const std::string& name : DepthMapNames(photo)) {
+    const auto found = maps.find(name);
     if (found != maps.end()) return found->second;
   }
   return nullptr;
@@ -183,17 +183,23 @@ const FileRecord* MapOf(const Files& files, const std::string& stem) {
 // As the engine's CheckMapsFit().
 absl::Status CheckMapsAreOfPhotos(const Files& files) {
   const bool with_cameras = HasCameras(files);
+  const std::vector<std::string> photos = PhotosAmong(NamesOf(files, FileRole::kPhoto));
+  const PhotoNames names(photos);
   bool any = false;
-  for (const auto& [name, photo] : Of(files, FileRole::kPhoto)) {
-    for (const std::string& stem : MapStemsOfViews(name)) any |= MapOf(files, stem) != nullptr;
+  for (const std::string& name : photos) {
+    const FileRecord* const photo = Of(files, FileRole::kPhoto).at(name);
+    for (const std::string& view : NamesOfViews(name)) any |= MapOf(files, view) != nullptr;
     if (HasViews(*photo, with_cameras)) continue;
-    const FileRecord* const map = MapOf(files, std::filesystem::path(name).stem());
+    const FileRecord* const map = MapOf(files, name);
     if (map == nullptr) continue;
     any = true;
+    if (IsPanoramaShaped(*photo)) continue;  // its views may be the photos
+    const std::string field = absl::StrCat("depths[", map->name, "]");
+    LITAGS_RETURN_IF_ERROR(CheckDepthMapIsOf(name, map->name, names, field));
     // The size of a map was not kept once.
-    if (map->width == 0 || photo->width == 0 || IsPanoramaShaped(*photo)) continue;
-    LITAGS_RETURN_IF_ERROR(CheckDepthShape(map->width, map->height, photo->width, photo->height,
-                                           absl::StrCat("depths[", map->name, "]")));
+    if (map->width == 0 || photo->width == 0) continue;
+    LITAGS_RETURN_IF_ERROR(
+        CheckDepthShape(map->width, map->height, photo->width, photo->height, field));
   }
   if (any) return absl::OkStatus();
   return InvalidInput(
@@ -224,7 +230,7 @@ std::optional<PhotoScreen> ScreenAsFound(const Files& files) {
     if (!findings || findings->has_views != 0 || IsPanoramaShaped(*photo)) return std::nullopt;
     looks.push_back(LookOf(*photo, *findings, false));
   }
-  if (HasMasksAmong(NamesOf(files, FileRole::kPhoto))) return std::nullopt;
+  if (PhotosAmong(NamesOf(files, FileRole::kPhoto)).size() < looks.size()) return std::nullopt;
   const std::vector<std::string> why = WhyLeftOutAsFound(looks);
   PhotoScreen screen;
   for (size_t i = 0; i < why.size(); ++i) {

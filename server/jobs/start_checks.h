@@ -16,8 +16,8 @@ namespace litags {
 // not known. FAILED_PRECONDITION: TOO_FEW_PHOTOS, also of those that are not left out;
 // VIDEO_NOT_ALONE, COLMAP_INCOMPLETE, DEPTH_MAPS_MISSING. INVALID_ARGUMENT: NO_MATCHING_CAMERAS,
 // MASK_WITHOUT_PHOTO, MASK_AMBIGUOUS, MASK_TWICE, MASK_SIZE, DEPTH_MAP_WITHOUT_PHOTO,
-// DEPTH_MAP_SIZE. RESOURCE_EXHAUSTED (MEMORY_EXCEEDED): the photos take more than `most_memory`
-// (0: any).
+// DEPTH_MAP_AMBIGUOUS, DEPTH_MAP_SIZE. RESOURCE_EXHAUSTED (MEMORY_EXCEEDED): the photos take more
+// than `most_memory` (0: any).
 absl::StatusOr<int64_t> CheckFiles(const std::vector<FileRecord>& files,
                                    const ReconstructOptions& options, int64_t most_memory);
 

@@ -137,8 +137,10 @@ TEST(StartChecks, ADepthMapHasTheNameOfItsPhotoOrOfAViewOfIt) {
   };
   EXPECT_EQ(check("0.pfm"), "");
   EXPECT_EQ(check("0_front.png"), "");
+  EXPECT_EQ(check("0.jpg.png"), "");
   EXPECT_EQ(check("0.jpg_up.npy"), "");
-  for (const char* other : {"0_depth.pfm", "00.png", "10.npy", "0.jpg.png"}) {
+  EXPECT_EQ(check("0_front.png.npy"), "");
+  for (const char* other : {"0_depth.pfm", "00.png", "10.npy", "0.png.png"}) {
     EXPECT_EQ(check(other), "DEPTH_MAP_WITHOUT_PHOTO") << other;
   }
   // Of a panorama views alone have maps.
@@ -151,6 +153,20 @@ TEST(StartChecks, ADepthMapHasTheNameOfItsPhotoOrOfAViewOfIt) {
   ReconstructOptions without;
   without.method = Method::k3dgs;
   EXPECT_TRUE(Check(With(Photos(3), {File(FileRole::kDepth, "other.npy")}), without).ok());
+}
+
+TEST(StartChecks, ADepthMapIsOfOnePhoto) {
+  const auto check = [](const std::vector<std::string>& maps) {
+    std::vector<FileRecord> files = With(Photos(3), {Photo("0.jpeg", Found(Pixels(7)))});
+    for (const std::string& map : maps) files.push_back(File(FileRole::kDepth, map, 320, 240));
+    return Check(files);
+  };
+  const absl::Status status = check({"0.npy"});
+  EXPECT_EQ(Reason(status), "DEPTH_MAP_AMBIGUOUS");
+  EXPECT_EQ(GetErrorDetail(status)->field, "depths[0.npy]");
+  EXPECT_EQ(Reason(check({"0.npy", "0.jpg.npy"})), "DEPTH_MAP_AMBIGUOUS");
+  EXPECT_EQ(Reason(check({"0.jpg.npy", "0.jpeg.npy", "0.npy"})), "");
+  EXPECT_EQ(Reason(check({"0.jpg.npy", "1.npy"})), "");
 }
 
 TEST(StartChecks, ADepthMapHasTheShapeOfItsPhoto) {

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "engine/core/photo_names.h"
 #include "engine/core/utf8.h"
 #include "engine/io/file_util.h"
 #include "engine/pipeline/fingerprint.h"
@@ -73,6 +74,12 @@ CameraFindings CameraFindings::Of(absl::Span<const std::string> paths) {
 
 bool CameraFindings::MayHave(std::string_view photo) const {
   return std::binary_search(keys.begin(), keys.end(), HashOf(StemKey(photo)));
+}
+
+int CameraFindings::HowNamed(const std::string& photo) const {
+  return litags::HowNamed(photo, [&](const std::string& key) {
+    return std::binary_search(keys.begin(), keys.end(), HashOf(key));
+  });
 }
 
 std::string Encode(const PhotoFindings& findings) {

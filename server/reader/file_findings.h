@@ -33,6 +33,8 @@ class CameraFindings {
   // False: NameIndex finds no camera of the file for this photo. True of about one in 2^32 / keys
   // others, too.
   bool MayHave(std::string_view photo) const;
+  // As the engine's, likewise.
+  int HowNamed(const std::string& photo) const;
 
   std::string path;            // one of them, for messages
   std::vector<uint32_t> keys;  // hashes of KeysOf() of them all, sorted

@@ -11,6 +11,7 @@
 #include <string_view>
 #include <thread>
 
+#include "absl/strings/str_cat.h"
 #include "engine/core/limits.h"
 #include "engine/core/temp_dir_test_util.h"
 #include "engine/io/depth_io.h"
@@ -127,6 +128,33 @@ TEST_F(UploadApi, FilesTellWhatWasFoundInPhotosAndWhichAreLeftOut) {
   EXPECT_EQ(found["a.png"].focal_length_mm(), 0);
   EXPECT_GT(found["a.png"].sharpness(), 0);
   EXPECT_EQ(found["d.png"].sharpness(), 0);
+}
+
+TEST_F(UploadApi, OfCopiesTheOneThatCamerasNameIsNotLeftOut) {
+  std::string colmap;
+  for (int i = 1; i <= 2; ++i) {
+    absl::StrAppend(&colmap, i, " 1 0 0 0 0 0 ", i, " 1 long_name_", i, ".png\n\n");
+  }
+  const std::string job = NewJob();
+  ASSERT_TRUE(client_
+                  .Upload(job, {{"1.png", TestPng()},
+                                {"long_name_1.png", TestPng()},
+                                {"2.png", TestPng(64, 48, 1)},
+                                {"another_long_name_2.png", TestPng(64, 48, 1)},
+                                {"images.txt", colmap, v1::FILE_ROLE_COLMAP},
+                                {"another_long_name_2.pfm", EncodePfm(Planes(1, 48, 64)),
+                                 v1::FILE_ROLE_DEPTH}})
+                  .ok());
+  v1::ListFilesRequest request;
+  request.set_name(job);
+  v1::ListFilesResponse files;
+  grpc::ClientContext context;
+  ASSERT_TRUE(client_.jobs->ListFiles(&context, request, &files).ok());
+  std::vector<std::string> left_out;
+  for (const v1::JobFile& file : files.files()) {
+    if (!file.found().left_out().empty()) left_out.push_back(file.file_name());
+  }
+  EXPECT_THAT(left_out, ElementsAre("1.png", "2.png"));
 }
 
 TEST_F(UploadApi, MasksThatAreNoneAreRefusedByName) {

@@ -10,7 +10,7 @@
 namespace litags {
 
 absl::StatusOr<std::optional<Planes>> ReadTrueDepth(const std::string& dir, const View& view) {
-  const std::string path = FindDepthMap(dir, Stem(view.name));
+  const std::string path = FindDepthMap(dir, view.name);
   if (path.empty()) return std::nullopt;
   LITAGS_ASSIGN_OR_RETURN(Planes depth, ReadDepthMap(path, path));
   const Camera& camera = view.camera;

@@ -129,7 +129,7 @@ absl::StatusOr<std::string> DescribeDepthMaps(const ReconstructInput& input,
   size_t maps = 0;
   for (const ScreenedPhoto& photo : photos) {
     LITAGS_RETURN_IF_ERROR(cancel.Check());
-    const std::string path = FindDepthMap(input.depth_dir, Stem(photo.name));
+    const std::string path = FindDepthMap(input.depth_dir, photo.name);
     if (path.empty()) continue;
     LITAGS_RETURN_IF_ERROR(ReadDepthMap(path, absl::StrCat("depth/", BaseName(path))).status());
     ++maps;
