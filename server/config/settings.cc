@@ -47,6 +47,66 @@ bool HasQuotedHash(const std::string& text) {
   return false;
 }
 
+// Without its comment and the white space around.
+std::string TextOf(const std::string& line) {
+  const std::string text = CLI::detail::trim_copy(line.substr(0, line.find('#')));
+  return text.starts_with(';') ? "" : text;  // a comment to CLI11
+}
+
+bool IsName(std::string_view text) {
+  return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_';
+  });
+}
+
+// Whether `text` begins a setting: NAME = VALUE.
+bool IsSetting(const std::string& text) {
+  const size_t equals = text.find('=');
+  if (equals == std::string::npos) return false;
+  std::string name = text.substr(0, equals);
+  return IsName(CLI::detail::remove_quotes(CLI::detail::trim(name)));
+}
+
+bool IsSection(const std::string& text) {
+  return text.size() > 2 && text.front() == '[' && text.back() == ']' &&
+         IsName(std::string_view(text).substr(1, text.size() - 2));
+}
+
+bool OpensList(const std::string& setting) {
+  return CLI::detail::trim_copy(setting.substr(setting.find('=') + 1)).starts_with('[');
+}
+
+// The settings of a file for CLI11, each on a line with all of its list. CONFIG_INVALID names a
+// line by its number alone: what stands where a name should may be a secret value.
+absl::StatusOr<std::string> OneLineEach(const std::string& path, const std::string& file) {
+  std::istringstream stream(file);
+  std::string settings, line;
+  for (int number = 1; std::getline(stream, line); ++number) {
+    std::string text = TextOf(line);
+    if (text.empty()) continue;
+    if (!IsSetting(text) && !IsSection(text)) {
+      return InvalidInput("CONFIG_INVALID", "--config",
+                          absl::StrCat(path, ": line ", number,
+                                       " is not NAME = VALUE; begin a value or list on the line of "
+                                       "its name"));
+    }
+    const int first = number;
+    while (!IsSection(text) && OpensList(text) && !text.ends_with(']')) {
+      const bool ended = !std::getline(stream, line);
+      const std::string more = ended ? "" : TextOf(line);
+      if (ended || IsSetting(more)) {
+        return InvalidInput("CONFIG_INVALID", "--config",
+                            absl::StrCat(path, ": the list that begins on line ", first,
+                                         " has no end; write a ] after it"));
+      }
+      text += more;
+      ++number;
+    }
+    absl::StrAppend(&settings, text, "\n");
+  }
+  return settings;
+}
+
 std::string TomlValue(const std::string& value) {
   return IsTomlLiteral(value) ? value : absl::StrCat("\"", value, "\"");
 }
@@ -91,8 +151,10 @@ absl::Status Settings::ReadFile(const std::string& path) {
                                      ": a value in quotes holds a '#', which the reader would "
                                      "take for a comment; use another path, or a flag"));
   }
+  LITAGS_ASSIGN_OR_RETURN(const std::string lines, OneLineEach(path, file.str()));
+  std::istringstream settings(lines);
   try {
-    items = CLI::ConfigTOML().from_config(file);
+    items = CLI::ConfigTOML().from_config(settings);
   } catch (const CLI::Error& error) {
     return InvalidInput("CONFIG_INVALID", "--config", absl::StrCat(path, ": ", error.what()));
   }

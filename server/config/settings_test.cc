@@ -147,6 +147,44 @@ TEST_F(SettingsTest, MistakesAreNamed) {
   EXPECT_EQ(Refusal("jobz = 3\n"), "CONFIG_KEY_UNKNOWN jobz");
 }
 
+TEST_F(SettingsTest, WhatStandsWhereANameShouldIsToldByItsLineAlone) {
+  for (const char* file : {
+           "\nstore =\n\"postgresql://u:s3cret@h/d\"\n",
+           "\nstore =\n\"postgresql://u:s3cret@h.example/d?a=b\"\n",
+           "\n\nstore \"postgresql://u:s3cret@h/d\"\n",
+           "# where\n\nstore: \"postgresql://u:s3cret@h/d\"\n",
+           "jobs = 3\ntoken =\n[\"alice:sha256:s3cret\"]\n",
+           "token = [\"a\"]\n\ns3cret\n",
+       }) {
+    EXPECT_EQ(Refusal(file), "CONFIG_INVALID --config") << file;
+    EXPECT_THAT(std::string(Complete("", file).message()), HasSubstr("line 3 is not NAME = VALUE"));
+  }
+}
+
+TEST_F(SettingsTest, ListMayHaveSeveralLines) {
+  const absl::Status status = Complete("",
+                                       "token = [  # of clients\n"
+                                       "  \"alice:s3cret\",\n"
+                                       "\n"
+                                       "  \"ben:s3cret=\",  # the newest\n"
+                                       "]\n"
+                                       "admins = [\"ann\",\n"
+                                       "          \"ben\"]\n"
+                                       "jobs = 7\n");
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_THAT(tokens_, ElementsAre("alice:s3cret", "ben:s3cret="));
+  EXPECT_THAT(admins_, ElementsAre("ann", "ben"));
+  EXPECT_EQ(jobs_, 7);
+}
+
+TEST_F(SettingsTest, ListWithoutAnEndIsToldByTheLineThatBeginsIt) {
+  for (const char* file : {"rate = 1\ntoken = [\n\"a:s3cret\",\njobs = 3\nadmins = [\"ann\"]\n",
+                           "rate = 1\ntoken = [\"a:s3cret\",\n"}) {
+    EXPECT_EQ(Refusal(file), "CONFIG_INVALID --config") << file;
+    EXPECT_THAT(std::string(Complete("", file).message()), HasSubstr("begins on line 2"));
+  }
+}
+
 TEST_F(SettingsTest, SectionsAreRefused) {
   EXPECT_EQ(Refusal("[server]\njobs = 3\n"), "CONFIG_KEY_UNKNOWN server");
   EXPECT_THAT(std::string(Complete("", "[server]\njobs = 3\n").message()),
