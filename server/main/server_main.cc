@@ -57,6 +57,10 @@ struct Command {
     move->add_option("--to-blobs", to.blobs, "Where photos and scenes go, as --blobs")->required();
     move->add_option("--to-s3-endpoint", to.s3_endpoint, "S3 server of --to-blobs");
     move->fallthrough();
+    for (const char* instead : {"--check", "--print-config"}) {
+      token->excludes(app.get_option(instead));
+      move->excludes(app.get_option(instead));
+    }
   }
 };
 

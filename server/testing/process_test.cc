@@ -175,6 +175,25 @@ TEST_F(ServiceProcess, KilledReaderOfFilesIsReplacedAndTheServerLivesOn) {
   EXPECT_NE(Children("read-files"), readers);
 }
 
+TEST_F(ServiceProcess, CommandsThatAreAskedToCheckOrPrintOnlyDoNothing) {
+  server_.End(SIGTERM);
+  const std::string target = dir_.path() + "/target", tokens = dir_.path() + "/tokens";
+  const auto run = [&](const std::string& args) {
+    const int status = std::system((std::string(FAKE_SERVER) + " " + args).c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  };
+  const std::string move = "move --data " + dir_.path() + "/data --to-store sqlite://" + target +
+                           " --to-blobs file://" + target + "-blobs";
+  for (const char* instead : {" --check", " --print-config"}) {
+    EXPECT_EQ(run(move + instead), 2);
+    EXPECT_EQ(run("token alice --tokens " + tokens + instead), 2);
+  }
+  EXPECT_FALSE(std::filesystem::exists(target));
+  EXPECT_FALSE(std::filesystem::exists(tokens));
+  EXPECT_EQ(run(move), 0);
+  EXPECT_TRUE(std::filesystem::exists(target));
+}
+
 TEST_F(ServiceProcess, SecondServerOnTheSameDataIsRefused) {
   const std::string log = dir_.path() + "/second.log";
   const int status = std::system(
