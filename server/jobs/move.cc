@@ -9,6 +9,7 @@
 #include "engine/core/error.h"
 #include "server/jobs/placement.h"
 #include "server/store/digest.h"
+#include "server/store/file_error.h"
 
 namespace litags {
 namespace {
@@ -51,6 +52,22 @@ absl::StatusOr<std::vector<std::string>> JobIds(JobStore* store) {
   }
 }
 
+absl::Status TargetIsSource(const char* which) {
+  return MakeError(absl::StatusCode::kFailedPrecondition, "TARGET_NOT_EMPTY", which,
+                   absl::StrCat("--", which,
+                                " is the store that is moved, which would be there "
+                                "once only; name another one"));
+}
+
+// Whether what is put into `to` is in `from`, however their URLs are written.
+absl::StatusOr<bool> AreOneStore(BlobStore* from, BlobStore* to) {
+  const std::string key = absl::StrCat("move/", RandomHex(8));
+  LITAGS_RETURN_IF_ERROR(to->Put(key, "litags-server move looks whether this is its source.\n"));
+  const absl::StatusOr<bool> has = from->Has(key);
+  LITAGS_RETURN_IF_ERROR(to->RemoveFolder("move"));
+  return has;
+}
+
 // Adds the keys of all blobs below a folder.
 absl::Status AddKeys(BlobStore* blobs, const std::string& folder, std::set<std::string>* keys) {
   LITAGS_ASSIGN_OR_RETURN(const auto names, blobs->List(folder));
@@ -72,10 +89,12 @@ class Mover {
       : from_(from),
         to_(to),
         staging_(absl::StrCat(data.tmp(), "/move-", RandomHex(4))),
+        copy_(staging_ + "-copy"),
         note_(note) {}
   ~Mover() {
     std::error_code error;
     fs::remove(staging_, error);
+    fs::remove(copy_, error);
   }
 
   absl::Status MoveJob(const std::string& id) {
@@ -86,7 +105,7 @@ class Mover {
     for (const std::string& key : wanted) {
       if (!there.contains(key)) {
         LITAGS_RETURN_IF_ERROR(FetchChecked(from_, key, "source").status());
-        LITAGS_RETURN_IF_ERROR(to_->PutFile(key, staging_));
+        LITAGS_RETURN_IF_ERROR(PutCopy(key));
         ++summary.blobs_copied;
       }
       // What came earlier may have been damaged since; what came now is read back.
@@ -116,6 +135,15 @@ class Mover {
     return found.bytes;
   }
 
+  // Stores staging_ with bytes of its own: it may be another name of the source's file.
+  absl::Status PutCopy(const std::string& key) {
+    std::error_code ignored;
+    if (fs::hard_link_count(staging_, ignored) == 1) return to_->PutFile(key, staging_);
+    fs::remove(copy_, ignored);
+    if (const int error = CopyFile(staging_, copy_)) return FileError("copy", staging_, error);
+    return to_->PutFile(key, copy_);
+  }
+
   void Note() {
     if (SteadyClock::now() - noted_ < kNoteEvery) return;
     noted_ = SteadyClock::now();
@@ -124,7 +152,7 @@ class Mover {
 
   BlobStore* const from_;
   BlobStore* const to_;
-  const std::string staging_;
+  const std::string staging_, copy_;
   const std::function<void(const std::string&)>& note_;
   SteadyClock::time_point noted_;  // long ago
 };
@@ -145,10 +173,15 @@ absl::StatusOr<MoveSummary> MoveInstallation(const StorePlaces& from, const Stor
   LITAGS_RETURN_IF_ERROR(CheckUnused(store.get(), "store"));
   LITAGS_ASSIGN_OR_RETURN(const auto target_store, OpenJobStore(to, data));
   LITAGS_RETURN_IF_ERROR(CheckUnused(target_store.get(), "to-store"));
+  LITAGS_ASSIGN_OR_RETURN(const bool same_jobs, AreOneJobStore(from, to, data));
+  if (same_jobs) return TargetIsSource("to-store");
   LITAGS_ASSIGN_OR_RETURN(const auto source, OpenBlobStore(from, data));
+  LITAGS_RETURN_IF_ERROR(CheckBlobsAreOurs(from, data, source.get()));
   LITAGS_ASSIGN_OR_RETURN(const auto target, OpenBlobStore(to, data));
   // By the id that the target's job store will have, too.
-  LITAGS_RETURN_IF_ERROR(ClaimBlobs(to, store.get(), target.get()).status());
+  LITAGS_RETURN_IF_ERROR(ClaimBlobs(to, data, store.get(), target.get()).status());
+  LITAGS_ASSIGN_OR_RETURN(const bool same_blobs, AreOneStore(source.get(), target.get()));
+  if (same_blobs) return TargetIsSource("to-blobs");
   LITAGS_ASSIGN_OR_RETURN(const RowSums rows, ReadRowSums(from, data));
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> ids, JobIds(store.get()));
   Mover mover(source.get(), target.get(), data, note);

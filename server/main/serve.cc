@@ -139,7 +139,7 @@ absl::StatusOr<Stores> OpenStores(const ServerFlags& flags) {
   LITAGS_ASSIGN_OR_RETURN(stores.blobs, OpenBlobStore(flags.places, data));
   LITAGS_RETURN_IF_ERROR(CheckBlobsAreOurs(flags.places, data, stores.blobs.get()));
   LITAGS_ASSIGN_OR_RETURN(stores.marker,
-                          ClaimBlobs(flags.places, stores.jobs.get(), stores.blobs.get()));
+                          ClaimBlobs(flags.places, data, stores.jobs.get(), stores.blobs.get()));
   return stores;
 }
 

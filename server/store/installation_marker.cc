@@ -46,8 +46,9 @@ absl::Status InstallationMarker::Check() const {
   if (!ids.empty()) return absl::OkStatus();
   return MakeError(absl::StatusCode::kFailedPrecondition, "BLOBS_NOT_MARKED", "blobs",
                    absl::StrCat("the marker ", place_, "/", kFolder, "/", id_,
-                                " of this installation is not there: is --blobs right, and the "
-                                "volume mounted? A server puts the marker back when it starts"));
+                                " of this installation is not there: is --blobs (or --data, "
+                                "without it) the server's, and the volume mounted? A server puts "
+                                "the marker back when it starts"));
 }
 
 absl::Status InstallationMarker::CheckOthers(const std::vector<std::string>& ids) const {
@@ -58,8 +59,8 @@ absl::Status InstallationMarker::CheckOthers(const std::vector<std::string>& ids
       absl::StatusCode::kFailedPrecondition, "BLOBS_OF_ANOTHER_INSTALLATION", "blobs",
       absl::StrCat("the blob store ", place_, " belongs to another installation, ", *other,
                    ", and this one is ", id_.empty() ? "new" : id_,
-                   "; give this one a bucket or prefix of its own, or, if the other's job store is "
-                   "gone for good and this one replaces it, remove the marker ",
+                   "; give this one a bucket, prefix or data folder of its own, or, if the other's "
+                   "job store is gone for good and this one replaces it, remove the marker ",
                    place_, "/", kFolder, "/", *other));
 }
 

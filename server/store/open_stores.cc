@@ -104,8 +104,8 @@ absl::StatusOr<S3Options> S3OptionsOf(const StorePlaces& places) {
 }
 
 // Without the slash that may end it.
-std::string PlaceOfBlobs(const StorePlaces& places) {
-  std::string place = places.blobs;
+std::string PlaceOfBlobs(const StorePlaces& places, const DataDir& data) {
+  std::string place = places.blobs.empty() ? data.blobs() : places.blobs;
   while (place.ends_with('/')) place.pop_back();
   return place;
 }
@@ -136,6 +136,16 @@ absl::StatusOr<KnownInstallation> ReadInstallation(const StorePlaces& places, co
   LITAGS_ASSIGN_OR_RETURN(const bool made, row->Step());
   if (made) known.id = row->Text(0);
   return known;
+}
+
+// The same for all URLs of one database, whatever host names they have.
+absl::StatusOr<std::string> NameOfDatabase(const std::string& url) {
+  LITAGS_ASSIGN_OR_RETURN(const auto sql, PgConnection::Open(url));
+  const auto row = sql->Prepare(
+      "SELECT concat_ws(' ', extract(epoch FROM pg_postmaster_start_time()), current_database(), "
+      "current_schema())");
+  LITAGS_RETURN_IF_ERROR(row->Step().status());
+  return row->Text(0);
 }
 
 }  // namespace
@@ -225,23 +235,23 @@ absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& plac
 }
 
 absl::StatusOr<std::unique_ptr<InstallationMarker>> MarkerOf(const StorePlaces& places,
-                                                             JobStore* store, BlobStore* blobs) {
-  if (places.blobs.empty()) return nullptr;
+                                                             const DataDir& data, JobStore* store,
+                                                             BlobStore* blobs) {
   LITAGS_ASSIGN_OR_RETURN(const std::string id, store->InstallationId());
-  return std::make_unique<InstallationMarker>(id, PlaceOfBlobs(places), blobs);
+  return std::make_unique<InstallationMarker>(id, PlaceOfBlobs(places, data), blobs);
 }
 
 absl::StatusOr<std::unique_ptr<InstallationMarker>> ClaimBlobs(const StorePlaces& places,
-                                                               JobStore* store, BlobStore* blobs) {
-  LITAGS_ASSIGN_OR_RETURN(auto marker, MarkerOf(places, store, blobs));
-  if (marker) LITAGS_RETURN_IF_ERROR(marker->Claim());
+                                                               const DataDir& data, JobStore* store,
+                                                               BlobStore* blobs) {
+  LITAGS_ASSIGN_OR_RETURN(auto marker, MarkerOf(places, data, store, blobs));
+  LITAGS_RETURN_IF_ERROR(marker->Claim());
   return marker;
 }
 
 absl::Status CheckBlobsAreOurs(const StorePlaces& places, const DataDir& data, BlobStore* blobs) {
-  if (places.blobs.empty()) return absl::OkStatus();
   LITAGS_ASSIGN_OR_RETURN(const KnownInstallation known, ReadInstallation(places, data));
-  const std::string place = PlaceOfBlobs(places);
+  const std::string place = PlaceOfBlobs(places, data);
   const absl::Status marked = InstallationMarker(known.id, place, blobs).Check();
   if (!HasReason(marked, "BLOBS_NOT_MARKED")) return marked;
   if (!known.has_files) return absl::OkStatus();
@@ -249,9 +259,21 @@ absl::Status CheckBlobsAreOurs(const StorePlaces& places, const DataDir& data, B
   if (!jobs.empty()) return absl::OkStatus();  // from before there were markers
   return MakeError(absl::StatusCode::kFailedPrecondition, "BLOBS_NOT_MARKED", "blobs",
                    absl::StrCat("the job store names files, and there is none in ", place,
-                                ": is the volume mounted, and --blobs as before? If they are lost "
-                                "for good, put any file at ",
+                                ": is the volume mounted, and --blobs (or --data, without it) as "
+                                "before? If they are lost for good, put any file at ",
                                 place, "/jobs/lost/lost, and the server starts without them"));
+}
+
+absl::StatusOr<bool> AreOneJobStore(const StorePlaces& one, const StorePlaces& other,
+                                    const DataDir& data) {
+  if (one.UsesPostgres() != other.UsesPostgres()) return false;
+  if (!one.UsesPostgres()) {
+    std::error_code error;
+    return std::filesystem::equivalent(one.SqlitePath(data), other.SqlitePath(data), error);
+  }
+  LITAGS_ASSIGN_OR_RETURN(const std::string first, NameOfDatabase(one.jobs));
+  LITAGS_ASSIGN_OR_RETURN(const std::string second, NameOfDatabase(other.jobs));
+  return first == second;
 }
 
 absl::Status CheckJobStore(const StorePlaces& places, const DataDir& data) {

@@ -51,18 +51,23 @@ absl::StatusOr<std::unique_ptr<JobStore>> OpenJobStore(const StorePlaces& places
 absl::StatusOr<std::unique_ptr<BlobStore>> OpenBlobStore(const StorePlaces& places,
                                                          const DataDir& data);
 
-// The marker of the job store's installation in its blob store. Null if the operator names no place
-// for the blobs: then they are in the data folder, beside the jobs.
+// The marker of the job store's installation in its blob store.
 absl::StatusOr<std::unique_ptr<InstallationMarker>> MarkerOf(const StorePlaces& places,
-                                                             JobStore* store, BlobStore* blobs);
+                                                             const DataDir& data, JobStore* store,
+                                                             BlobStore* blobs);
 // The same, after InstallationMarker::Claim().
 absl::StatusOr<std::unique_ptr<InstallationMarker>> ClaimBlobs(const StorePlaces& places,
-                                                               JobStore* store, BlobStore* blobs);
+                                                               const DataDir& data, JobStore* store,
+                                                               BlobStore* blobs);
 
 // Whether the installation may begin to use these blobs; changes neither store. Errors of
 // InstallationMarker; FAILED_PRECONDITION (BLOBS_NOT_MARKED) if there is neither a marker nor a
 // blob, and the job store names files: a volume is not mounted, say.
 absl::Status CheckBlobsAreOurs(const StorePlaces& places, const DataDir& data, BlobStore* blobs);
+
+// Whether both name one database, which is there. Errors of the stores.
+absl::StatusOr<bool> AreOneJobStore(const StorePlaces& one, const StorePlaces& other,
+                                    const DataDir& data);
 
 // Whether there is a store to begin with, without changing it: a file is read as a whole, unless it
 // is not there yet; a database is connected to. DATA_LOSS (STORE_CORRUPT), UNAVAILABLE

@@ -1,5 +1,6 @@
 // Two installations that were given the same bucket and prefix by mistake: the second one does not
-// start, and neither removes what the other stored.
+// start, and neither removes what the other stored. Nor does a server start without the files that
+// its job store names.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -49,7 +50,9 @@ class Installation : public ::testing::Test {
     id_ = *ours_->InstallationId();
   }
 
-  absl::Status Claim(JobStore* store) { return ClaimBlobs(places_, store, blobs_.get()).status(); }
+  absl::Status Claim(JobStore* store) {
+    return ClaimBlobs(places_, {dir_ / "data"}, store, blobs_.get()).status();
+  }
   absl::Status CheckBlobs(const DataDir& data) {
     return CheckBlobsAreOurs(places_, data, blobs_.get());
   }
@@ -86,7 +89,7 @@ TEST_F(Installation, BlobsOfAnotherOneAreRefusedUntilItsMarkerIsRemoved) {
 TEST_F(Installation, OfTwoThatStartAtTheSameMomentNoneGoesOn) {
   FaultyBlobStore blobs(blobs_.get());
   blobs.on_write = [&](auto) { return blobs_->Put(absl::StrCat("installation/", kOther), "x"); };
-  EXPECT_EQ(Reason(ClaimBlobs(places_, ours_.get(), &blobs).status()),
+  EXPECT_EQ(Reason(ClaimBlobs(places_, {dir_ / "data"}, ours_.get(), &blobs).status()),
             "BLOBS_OF_ANOTHER_INSTALLATION");
   EXPECT_THAT(Markers(), UnorderedElementsAre(id_, kOther));
   EXPECT_EQ(Reason(Claim(ours_.get())), "BLOBS_OF_ANOTHER_INSTALLATION");
@@ -150,11 +153,16 @@ TEST_F(Installation, OrphansStayWhileTheMarkerIsNotOursAlone) {
   EXPECT_EQ(Reason(blobs_->Get(key).status()), "BLOB_NOT_FOUND");
 }
 
-// A volume that is not mounted, say.
-TEST(InstallationFolder, WithoutAnyBlobIsNotMarkedWhereTheJobStoreNamesFiles) {
+// A volume that is not mounted, say, or another --data.
+class InstallationFolder : public ::testing::TestWithParam<const char*> {};
+
+INSTANTIATE_TEST_SUITE_P(Blobs, InstallationFolder, ::testing::Values("", "/volume"));
+
+TEST_P(InstallationFolder, WithoutAnyBlobIsNotMarkedWhereTheJobStoreNamesFiles) {
   TempDir dir;
   const DataDir data = *DataDir::Open(dir / "data");
-  const StorePlaces places{"", absl::StrCat("file://", dir / "volume"), ""};
+  StorePlaces places;
+  if (*GetParam()) places.blobs = absl::StrCat("file://", dir.path(), GetParam());
   const auto store = *OpenJobStore(places, data);
   const auto blobs = *OpenBlobStore(places, data);
   const auto check = [&] { return CheckBlobsAreOurs(places, data, blobs.get()); };
@@ -169,7 +177,40 @@ TEST(InstallationFolder, WithoutAnyBlobIsNotMarkedWhereTheJobStoreNamesFiles) {
                   .ok());
   EXPECT_EQ(Reason(check()), "BLOBS_NOT_MARKED");
   ASSERT_TRUE(blobs->Put("jobs/lost/lost", "x").ok());
-  EXPECT_TRUE(check().ok()) << "as the message says";
+  EXPECT_TRUE(check().ok()) << "as the message says, and as with files from before markers";
+  ASSERT_TRUE(ClaimBlobs(places, data, store.get(), blobs.get()).ok());
+  ASSERT_TRUE(blobs->RemoveFolder("jobs").ok());
+  EXPECT_TRUE(check().ok()) << "marked";
+}
+
+// What a server says that does not start, in `folder`/data.
+std::string RefusedStart(const std::string& folder, const std::vector<std::string>& flags) {
+  std::string command = absl::StrCat(FAKE_SERVER, " --listen 127.0.0.1:0 --data ", folder, "/data");
+  for (const std::string& flag : flags) absl::StrAppend(&command, " ", flag);
+  const std::string said = absl::StrCat(folder, "/log");
+  const int status =
+      std::system(absl::StrCat("timeout 60 ", command, " > ", said, " 2>&1").c_str());
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 1) << status;
+  std::ifstream log(said);
+  return {std::istreambuf_iterator<char>(log), {}};
+}
+
+TEST(OneJobStore, ServerOfAnotherDataFolderStartsWithoutBlobsOnlyWhereNoFileIsNamed) {
+  TempDir dir;
+  for (const char* folder : {"a", "b"}) std::filesystem::create_directory(dir / folder);
+  const std::vector<std::string> flags = {"--store", absl::StrCat("sqlite://", dir / "jobs.db")};
+  ServerProcess a(FAKE_SERVER, dir / "a");
+  ASSERT_NO_FATAL_FAILURE(a.Launch(flags));
+  const std::string name = a.client().StartedJob({"a", "b", "c"});
+  a.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
+  for (const char* check : {"--check", "--workers=0"}) {
+    std::vector<std::string> other = flags;
+    other.push_back(check);
+    EXPECT_THAT(RefusedStart(dir / "b", other),
+                AllOf(HasSubstr("BLOBS_NOT_MARKED"), HasSubstr(dir / "b/data/blobs")));
+  }
+  EXPECT_EQ(a.End(SIGTERM), 0);
+  ASSERT_NO_FATAL_FAILURE(a.Launch(flags));
 }
 
 // Servers as they run, each with a data folder of its own.
@@ -185,18 +226,6 @@ class InstallationProcess : public Installation {
     return {"--blobs", places_.blobs, "--s3-endpoint", places_.s3_endpoint};
   }
 
-  // What a server says that does not start.
-  std::string RefusedStart() {
-    std::string command =
-        absl::StrCat(FAKE_SERVER, " --listen 127.0.0.1:0 --data ", dir_ / "b/data");
-    for (const std::string& flag : Flags()) absl::StrAppend(&command, " ", flag);
-    const int status =
-        std::system(absl::StrCat("timeout 60 ", command, " 2> ", dir_ / "log").c_str());
-    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 1) << status;
-    std::ifstream log(dir_ / "log");
-    return {std::istreambuf_iterator<char>(log), {}};
-  }
-
   ServerProcess a_{FAKE_SERVER, dir_ / "a"};
   ServerProcess b_{FAKE_SERVER, dir_ / "b"};
 };
@@ -207,7 +236,7 @@ TEST_F(InstallationProcess, ServerOfAnotherDatabaseDoesNotStartAndTheFirstOneGoe
   a_.client().WaitFor(name, v1::JOB_STATE_SUCCEEDED, 60);
   const std::vector<std::string> markers = Markers();
   ASSERT_EQ(markers.size(), 1u);
-  EXPECT_THAT(RefusedStart(),
+  EXPECT_THAT(RefusedStart(dir_ / "b", Flags()),
               HasSubstr(absl::StrCat("belongs to another installation, ", markers[0])));
   EXPECT_EQ(a_.End(SIGTERM), 0);
   ASSERT_NO_FATAL_FAILURE(a_.Launch(Flags()));
@@ -231,7 +260,7 @@ TEST_F(InstallationProcess, NoServerStartsWhileS3IsAwayAndTheNextStartMarksTheBl
   const S3Options s3 = server->Options();
   places_ = {"", UrlOf(s3), s3.endpoint};
   server->Kill();
-  EXPECT_THAT(RefusedStart(), HasSubstr("the blob store is away"));
+  EXPECT_THAT(RefusedStart(dir_ / "b", Flags()), HasSubstr("the blob store is away"));
   server->Run();
   ASSERT_NO_FATAL_FAILURE(b_.Launch(Flags()));
   EXPECT_EQ((*OpenS3BlobStore(s3))->List("installation")->size(), 1u);

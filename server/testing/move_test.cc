@@ -158,6 +158,50 @@ TEST_F(Move, EverythingIsInS3Afterwards) {
   EXPECT_THAT(*(*OpenBlobStore(to_, data_))->List("installation"), ElementsAre(IdOf(from_)));
 }
 
+// On one file system the target could share the source's files: nothing would be there twice.
+TEST_F(Move, TargetHasFilesOfItsOwn) {
+  ASSERT_TRUE(MoveTo(to_).ok());
+  int files = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(dir_.path() + "/there/jobs")) {
+    if (!entry.is_regular_file()) continue;
+    ++files;
+    EXPECT_EQ(entry.hard_link_count(), 1u) << entry.path();
+  }
+  EXPECT_EQ(files, 3 * kBlobs);
+  EXPECT_TRUE(fs::is_empty(data_.tmp()));
+}
+
+TEST_F(Move, SourceIsNoTarget) {
+  const std::string before = AllOf(from_);
+  const auto refusal = [&](const StorePlaces& to) { return MoveTo(to).status(); };
+  fs::create_symlink(data_.root, dir_.path() + "/link");
+  for (const std::string& path : {data_.database(), dir_.path() + "/link/litags.db"}) {
+    const absl::Status refused = refusal({"sqlite://" + path, to_.blobs, ""});
+    EXPECT_EQ(Reason(refused), "TARGET_NOT_EMPTY") << path;
+    EXPECT_THAT(std::string(refused.message()), HasSubstr("--to-store is the store that is moved"));
+  }
+  for (const std::string& path : {data_.blobs(), dir_.path() + "/link/blobs"}) {
+    const absl::Status refused = refusal({to_.jobs, "file://" + path, ""});
+    EXPECT_EQ(Reason(refused), "TARGET_NOT_EMPTY") << path;
+    EXPECT_THAT(std::string(refused.message()), HasSubstr("--to-blobs is the store that is moved"));
+  }
+  EXPECT_TRUE(AllOf(from_) == before);
+  EXPECT_FALSE(fs::exists(data_.blobs() + "/move"));
+  ASSERT_TRUE(MoveTo(to_).ok());
+  from_ = to_;
+  const std::string same = absl::StrCat(to_.jobs, "&application_name=another");
+  EXPECT_EQ(Reason(refusal({same, "file://" + dir_.path() + "/elsewhere", ""})),
+            "TARGET_NOT_EMPTY");
+}
+
+// As with another --data than the server's: all rows would be there, and no file.
+TEST_F(Move, SourceWithoutTheFilesOfItsRowsIsRefused) {
+  const DataDir other = *DataDir::Open(dir_.path() + "/other");
+  const StorePlaces from = {"sqlite://" + data_.database(), "", ""};
+  EXPECT_EQ(Reason(MoveInstallation(from, to_, other, [](const std::string&) {}).status()),
+            "BLOBS_NOT_MARKED");
+}
+
 TEST_F(Move, TargetBecomesTheSameInstallation) {
   const std::string id = IdOf(from_);
   EXPECT_NE(IdOf(to_), id) << "a server was tried there";

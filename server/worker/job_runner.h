@@ -41,7 +41,7 @@ struct WorkerContext {
   Leases* leases;
   Engine* engine;
   DataDir data;
-  const InstallationMarker* marker = nullptr;  // of `blobs`; null: the operator named no place
+  const InstallationMarker* marker;  // of `blobs`
 };
 
 // Runs a job to one of its ends: done, failed, cancelled, given back because `shutdown` was raised,

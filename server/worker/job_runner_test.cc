@@ -40,6 +40,7 @@ class JobRunnerTest : public ::testing::Test {
  protected:
   JobRunnerTest() {
     options_.name = "w1";
+    EXPECT_TRUE(marker_.Claim().ok());
     spdlog::default_logger()->sinks().push_back(log_sink_);
   }
   ~JobRunnerTest() override {
@@ -78,7 +79,8 @@ class JobRunnerTest : public ::testing::Test {
   Jobs jobs_{store_.get(), disk_.get(), data_};
   Leases leases_{store_.get(), &blobs_};
   std::unique_ptr<Engine> engine_ = MakeFakeEngine();
-  WorkerContext context_{store_.get(), &blobs_, &leases_, engine_.get(), data_};
+  const InstallationMarker marker_{*store_->InstallationId(), data_.blobs(), disk_.get()};
+  WorkerContext context_{store_.get(), &blobs_, &leases_, engine_.get(), data_, &marker_};
   WorkerOptions options_;
   std::ostringstream log_;
   const spdlog::sink_ptr log_sink_ = std::make_shared<spdlog::sinks::ostream_sink_mt>(log_);
@@ -106,12 +108,12 @@ TEST_F(JobRunnerTest, WorkerWithoutScratchGivesTheJobBack) {
 TEST_F(JobRunnerTest, WorkerThatSeesOtherBlobsThanTheServerGivesTheJobBack) {
   const std::string id = QueuedJob();
   const auto elsewhere = *OpenDiskBlobStore(dir_.path() + "/elsewhere");
+  const InstallationMarker marker(*store_->InstallationId(), "file:///blobs", elsewhere.get());
   context_.blobs = elsewhere.get();
+  context_.marker = &marker;
   EXPECT_EQ(Reason(Run()), "BLOB_NOT_FOUND");
   ExpectGivenBack(id, "it does not see the server's files");
-  ASSERT_TRUE(elsewhere->Put("jobs/0123456789abcdef/aa", "of another installation").ok());
-  const InstallationMarker marker(*store_->InstallationId(), "file:///blobs", elsewhere.get());
-  context_.marker = &marker;
+  ASSERT_TRUE(elsewhere->Put("jobs/0123456789abcdef/aa", "of another job").ok());
   EXPECT_EQ(Reason(Run()), "BLOB_NOT_FOUND");
   ExpectGivenBack(id, "it does not see the server's files");
   ASSERT_TRUE(marker.Claim().ok());

@@ -32,12 +32,7 @@ absl::Status CheckWorker(const WorkerContext& context) {
 absl::Status CheckWorkerAfter(const absl::Status& error, const WorkerContext& context) {
   LITAGS_RETURN_IF_ERROR(CheckWorker(context));
   if (!HasReason(error, "BLOB_NOT_FOUND")) return absl::OkStatus();
-  if (context.marker) return context.marker->Check();
-  LITAGS_ASSIGN_OR_RETURN(const auto jobs, context.blobs->List("jobs"));
-  if (!jobs.empty()) return absl::OkStatus();
-  return MakeError(absl::StatusCode::kFailedPrecondition, "BLOBS_NOT_MARKED", "blobs",
-                   "there are no files of any job here; start the worker with the server's --blobs "
-                   "(LITAGS_BLOBS) or, if that has none, its --data");
+  return context.marker->Check();
 }
 
 bool IsFaultOfWorker(const absl::Status& error, const WorkerContext& context) {

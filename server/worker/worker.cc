@@ -68,7 +68,7 @@ absl::Status OpenAndRun(const DataDir& data, const StorePlaces& places,
                         const WorkerOptions& options, Engine* engine, const CancelToken& shutdown) {
   LITAGS_ASSIGN_OR_RETURN(const auto store, OpenJobStore(places, data));
   LITAGS_ASSIGN_OR_RETURN(const auto blobs, OpenBlobStore(places, data));
-  LITAGS_ASSIGN_OR_RETURN(const auto marker, MarkerOf(places, store.get(), blobs.get()));
+  LITAGS_ASSIGN_OR_RETURN(const auto marker, MarkerOf(places, data, store.get(), blobs.get()));
   Leases leases(store.get(), blobs.get());
   const WorkerPresence presence(store.get(), options.name, options.has);
   RunWorker({store.get(), blobs.get(), &leases, engine, data, marker.get()}, options, shutdown);

@@ -26,7 +26,7 @@ MARKER = "LITAGS_TEST_DEPLOYMENT"
 PATIENCE_S = 600
 FINAL = (job_pb2.JOB_STATE_SUCCEEDED, job_pb2.JOB_STATE_FAILED, job_pb2.JOB_STATE_CANCELLED)
 # What an idle data folder holds beside what belongs to jobs.
-OWN_FILES = re.compile(r"litags\.db(-wal|-shm|-reserve)?|server\.lock|missed")
+OWN_FILES = re.compile(r"litags\.db(-wal|-shm|-reserve)?|server\.lock|missed|blobs/installation/[0-9a-f]{32}")
 
 
 class Process:

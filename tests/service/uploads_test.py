@@ -25,9 +25,10 @@ def file_header(name, data, offset=0):
 
 
 def bytes_on_disk(data_folder):
-    """Bytes and names of all files of jobs; the database and the server's lock are not theirs."""
+    """Bytes and names of all files of jobs; the database, the server's lock and the marker of the
+    installation are not theirs."""
     files = {}
-    for folder in ("blobs", "uploads", "work", "tmp"):
+    for folder in ("blobs/jobs", "blobs/tmp", "blobs/uploads", "uploads", "work", "tmp"):
         for path, _, names in os.walk(os.path.join(data_folder, folder)):
             for name in names:
                 with contextlib.suppress(FileNotFoundError):  # removed just now
