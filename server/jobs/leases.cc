@@ -82,10 +82,14 @@ absl::Status Leases::AbandonStale() {
   }
 }
 
+absl::Status Leases::TakeBackLost() {
+  LITAGS_RETURN_IF_ERROR(ShortenImpossibleLeases());
+  return AbandonStale();
+}
+
 absl::StatusOr<std::optional<Lease>> Leases::Acquire(const std::string& owner,
                                                      const Resources& has) {
-  LITAGS_RETURN_IF_ERROR(ShortenImpossibleLeases());
-  LITAGS_RETURN_IF_ERROR(AbandonStale());
+  LITAGS_RETURN_IF_ERROR(TakeBackLost());
   const auto take = [&](JobTransaction& job) -> absl::Status {
     ++job.job.attempt;
     LITAGS_RETURN_IF_ERROR(ApplyAction(

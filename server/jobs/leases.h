@@ -43,9 +43,14 @@ class Leases {
   Leases(JobStore* store, BlobStore* blobs, LeaseOptions options = {}, Clock clock = nullptr,
          Clock awake_ms = nullptr);
 
-  // Takes the first queued job that fits a worker which has that; nullopt if there is none. Puts
-  // jobs with stale leases back into the queue first.
+  // Takes the first queued job that fits a worker which has that; nullopt if there is none.
+  // TakeBackLost() first.
   absl::StatusOr<std::optional<Lease>> Acquire(const std::string& owner, const Resources& has = {});
+
+  // Ends the leases of workers that are not heard of any more: as WorkerDied(). Not before
+  // everybody had the time to renew theirs: since this was made, the store was away, the machine
+  // slept or the clock was set. Without such leases, two reads.
+  absl::Status TakeBackLost();
 
   // Keeps the lease. `ran_ms`: for how long the engine has run under it, by the worker's own clock,
   // which stands still while the machine sleeps. Returns whether the job is to be cancelled.
@@ -95,8 +100,6 @@ class Leases {
   // No lease ends later than one taken now. Where one does, the clock was set back since, and a
   // dead worker would keep its job until the old time came again. A living one renews in time.
   absl::Status ShortenImpossibleLeases();
-  // Puts jobs with stale leases back into the queue. Not before everybody had the time to renew
-  // theirs: since this process began, the store was away, the machine slept or the clock was set.
   absl::Status AbandonStale();
   // The time since which others can have renewed their leases, as far as is known here.
   int64_t RenewableSinceMs();

@@ -43,6 +43,22 @@ TEST_F(LostWorkers, SilentWorkerLosesTheJobAndCanWriteNothingMore) {
   EXPECT_EQ(History(id), "UPLOADING QUEUED RUNNING QUEUED RUNNING ");
 }
 
+TEST_F(LostWorkers, JobsAreTakenBackAlsoWhereNoOtherWorkerLooksForWork) {
+  const std::string waits = StartedJob(), cancelled = StartedJob();
+  ASSERT_TRUE(leases_.Acquire("w1")->has_value());
+  ASSERT_TRUE(leases_.Acquire("w2")->has_value());
+  ASSERT_TRUE(jobs_.Cancel(cancelled).ok());
+  now_ms_ += 9'000;
+  ASSERT_TRUE(leases_.TakeBackLost().ok());
+  EXPECT_EQ(State(waits), JobState::kRunning);
+  EXPECT_EQ(State(cancelled), JobState::kRunning);
+  now_ms_ += 2'000;
+  ASSERT_TRUE(leases_.TakeBackLost().ok());
+  EXPECT_EQ(State(waits), JobState::kQueued);
+  EXPECT_EQ(State(cancelled), JobState::kCancelled);
+  EXPECT_TRUE(store_->Queue()->running.empty());
+}
+
 TEST_F(LostWorkers, ClockSetBackNeitherKeepsADeadWorkersJobNorTakesALivingOnes) {
   const std::string dead = StartedJob();
   ASSERT_TRUE(leases_.Acquire("dead")->has_value());

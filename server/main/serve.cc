@@ -22,6 +22,7 @@
 #include "server/api/server.h"
 #include "server/jobs/janitor.h"
 #include "server/jobs/jobs.h"
+#include "server/jobs/lease_watch.h"
 #include "server/jobs/leases.h"
 #include "server/jobs/sweeper.h"
 #include "server/main/preflight.h"
@@ -217,6 +218,7 @@ absl::Status Serve(ServerFlags flags, const std::string& worker_program, Engine*
       &jobs, flags.places.LocalFolders(stores.data), [&] { return supervisor.AllFailing(); },
       server.get());
   const Janitor janitor(&sweeper, flags.sweep_seconds);
+  const LeaseWatch lease_watch(&leases);
   const auto webhooks = SendWebhooks(flags, stores.jobs.get());
   LITAGS_ASSIGN_OR_RETURN(const auto web, Announce(flags, stores.data, server.get()));
   std::atomic<bool> deaf = false;

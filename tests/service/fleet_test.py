@@ -17,7 +17,7 @@ WORKER = os.path.join(BIN, SERVER_PROGRAM.replace("server", "worker"))
 QUEUED = job_pb2.JOB_STATE_QUEUED
 
 
-class Fleet(harness.ServiceTest):
+class WithoutWorkers(harness.ServiceTest):
 
     @classmethod
     def make_server(cls):
@@ -52,6 +52,9 @@ class Fleet(harness.ServiceTest):
 
     def metric(self, key):
         return metrics_of(self.server).get(key, 0)
+
+
+class Fleet(WithoutWorkers):
 
     def test_jobs_wait_while_there_are_no_workers_and_run_when_one_comes(self):
         job = self.submit("--iterations", "20")
@@ -122,6 +125,18 @@ class Fleet(harness.ServiceTest):
         self.assertRegex(err, "policy.worker_labels")
         worker = self.start_worker("--labels", "a b", exit_code=2)
         self.assertEqual(worker.wait(harness.PATIENCE_S), 2)
+
+
+class LostWorker(WithoutWorkers):
+
+    def test_a_job_of_the_only_worker_which_was_killed_is_cancelled_and_deleted(self):
+        job = self.submit("--iterations", "100000", names=("slow.png", "b.png", "c.png"))
+        worker = self.start_worker(exit_code=-signal.SIGKILL)
+        self.wait_for(lambda: self.state(job) == RUNNING, "the job runs")
+        worker.kill()
+        self.litags("cancel", job)
+        self.wait_for(lambda: self.state(job) == harness.CANCELLED, "the server took the job back")
+        self.litags("delete", job)
 
 
 if __name__ == "__main__":
