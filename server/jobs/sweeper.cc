@@ -99,27 +99,48 @@ Sweeper::Sweeper(JobStore* store, BlobStore* blobs, Uploads* uploads, DataDir da
       clock_(clock ? std::move(clock) : StoreClock(store)),
       awake_ms_(awake_ms ? std::move(awake_ms) : clock_),
       marker_(marker),
-      started_ms_(clock_()),
-      ahead_ms_(started_ms_ - awake_ms_()) {}
+      now_ms_(clock_()),
+      started_ms_(now_ms_),
+      ahead_ms_(now_ms_ - awake_ms_()) {}
 
-// The machine slept, or the clock was set. Waking up is a start; no server ran meanwhile.
-void Sweeper::NoteLostTime() {
-  const int64_t now_ms = clock_(), ahead_ms = now_ms - awake_ms_();
+// Where the two clocks have parted, the machine slept, or the clock was set. Waking up is a start;
+// no server ran meanwhile.
+void Sweeper::NoteTime() {
+  const int64_t awake_ms = awake_ms_();
+  now_ms_ = clock_();
+  const int64_t ahead_ms = now_ms_ - awake_ms;
   const int64_t lost_ms = ahead_ms - std::exchange(ahead_ms_, ahead_ms);
+  std::erase_if(jumps_,
+                [&](const Jump& jump) { return awake_ms >= jump.awake_ms + KeptAfterStartMs(); });
   if (std::abs(lost_ms) <= kLostMs) return;
   spdlog::info("the clock has jumped by {} s: that counts as time without a server",
                lost_ms / 1000);
-  started_ms_ = now_ms;
+  started_ms_ = now_ms_;
+  jumps_.push_back({now_ms_, lost_ms, awake_ms});
   for (auto& [id, since_ms] : missed_since_ms_) since_ms += lost_ms;
 }
 
+int64_t Sweeper::KeptAfterStartMs() const {
+  return static_cast<int64_t>(1000 * kKeptAfterStart * uploads_->limits().keep_seconds);
+}
+
 // Before that a job is not removed, whatever its row says.
-int64_t Sweeper::LeastExpiry(const JobRecord& job, int64_t now_ms) {
-  if (WaitsForWebhook(job, now_ms)) return std::max(job.webhook_due_ms, now_ms) + kAfterAttemptMs;
+int64_t Sweeper::LeastExpiry(const JobRecord& job) const {
+  if (WaitsForWebhook(job, now_ms_)) return std::max(job.webhook_due_ms, now_ms_) + kAfterAttemptMs;
   if (job.state != JobState::kUploading) return 0;
-  const int64_t there_since_ms = std::max(started_ms_, store_->ReachableSinceMs());
-  return there_since_ms +
-         static_cast<int64_t>(1000 * kKeptAfterStart * uploads_->limits().keep_seconds);
+  return std::max(started_ms_, store_->ReachableSinceMs()) + KeptAfterStartMs();
+}
+
+// By how much a clock that may be wrong, and be set right again, has gone on too fast since the job
+// ended. It can be told from a sleep no better than an operator can: after KeptAfterStartMs() it is
+// taken as right.
+int64_t Sweeper::JumpedSinceEndMs(const JobRecord& job) const {
+  int64_t by_ms = 0;
+  for (auto jump = jumps_.rbegin(); jump != jumps_.rend(); ++jump) {
+    if (job.end_time_ms > jump->at_ms) break;  // it ended between this one and the next
+    by_ms += jump->by_ms;
+  }
+  return by_ms;
 }
 
 absl::Status Sweeper::RemoveExpired(const std::string& id, std::vector<std::string>* expired) {
@@ -127,11 +148,16 @@ absl::Status Sweeper::RemoveExpired(const std::string& id, std::vector<std::stri
   bool removed = false;
   const auto change = [&](JobTransaction& job) -> absl::Status {
     // A sign of life may have come since the list was made.
-    const int64_t now_ms = clock_();
-    removed = job.job.expire_time_ms > 0 && job.job.expire_time_ms <= now_ms &&
+    removed = job.job.expire_time_ms > 0 && job.job.expire_time_ms <= now_ms_ &&
               NextState(job.job.state, JobAction::kRemove).ok();
-    const int64_t least_ms = LeastExpiry(job.job, now_ms);
-    if (removed && now_ms < least_ms) {
+    // Its row stays as it is: with the clock set right again, it says when.
+    if (removed && IsTerminal(job.job.state) &&
+        job.job.expire_time_ms > now_ms_ - JumpedSinceEndMs(job.job)) {
+      removed = false;
+      return absl::AbortedError(absl::StrCat("jobs/", id, " is kept after a jump of the clock"));
+    }
+    const int64_t least_ms = LeastExpiry(job.job);
+    if (removed && now_ms_ < least_ms) {
       removed = false;
       job.job.expire_time_ms = least_ms;
     }
@@ -172,7 +198,7 @@ bool Sweeper::OrphansAreOurs(size_t orphans) {
 // which the row was first missed, is the operator's time to bring the row back. Only time in which
 // a server runs, and says so, counts.
 absl::Status Sweeper::RemoveOrphans(const CancelToken& stop) {
-  const int64_t now_ms = clock_();
+  const int64_t now_ms = now_ms_;
   const double keep_seconds = uploads_->limits().keep_seconds;
   const int64_t pause_ms = static_cast<int64_t>(1000 * keep_seconds / kLooksForOrphans);
   const auto& seen_ms = orphans_seen_ms_;
@@ -396,7 +422,7 @@ absl::StatusOr<std::set<std::string>> Sweeper::BlobsNamedBy(const JobRecord& job
 }
 
 absl::Status Sweeper::RemoveAllExpired(const CancelToken& stop, std::vector<std::string>* expired) {
-  LITAGS_ASSIGN_OR_RETURN(const auto ids, store_->Expired(clock_(), kJobsPerSweep));
+  LITAGS_ASSIGN_OR_RETURN(const auto ids, store_->Expired(now_ms_, kJobsPerSweep));
   return ForEach(ids, stop, [&](const std::string& id) { return RemoveExpired(id, expired); });
 }
 
@@ -407,7 +433,7 @@ absl::Status Sweeper::RemoveAllUnreferencedBlobs(const CancelToken& stop) {
 
 absl::StatusOr<std::vector<std::string>> Sweeper::Sweep(const CancelToken& stop) {
   const std::lock_guard lock(mutex_);
-  NoteLostTime();
+  NoteTime();
   std::vector<std::string> expired;
   absl::Status status;
   // A store that is away may cost each step half a minute, and a server that is to end has less.

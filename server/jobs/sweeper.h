@@ -38,8 +38,10 @@ class Sweeper {
  private:
   absl::Status RemoveAllExpired(const CancelToken& stop, std::vector<std::string>* expired);
   absl::Status RemoveExpired(const std::string& id, std::vector<std::string>* expired);
-  void NoteLostTime();
-  int64_t LeastExpiry(const JobRecord& job, int64_t now_ms);
+  void NoteTime();
+  int64_t KeptAfterStartMs() const;
+  int64_t LeastExpiry(const JobRecord& job) const;
+  int64_t JumpedSinceEndMs(const JobRecord& job) const;
   absl::StatusOr<std::set<std::string>> JobFolders();
   absl::StatusOr<std::set<std::string>> JobsWithoutRow(const CancelToken& stop);
   bool OrphansAreOurs(size_t orphans);
@@ -67,8 +69,14 @@ class Sweeper {
   const Clock clock_, awake_ms_;
   const InstallationMarker* const marker_;  // of blobs_; may be null
   std::mutex mutex_;                        // held for a sweep; guards the rest
+  int64_t now_ms_;                          // when the sweep began: a clock may be set meanwhile
   int64_t started_ms_;                      // when this was made, or the machine woke up
   int64_t ahead_ms_;                        // clock_() of awake_ms_(), when it was looked at last
+  struct Jump {
+    int64_t at_ms, by_ms;  // of clock_(), after it
+    int64_t awake_ms;
+  };
+  std::vector<Jump> jumps_;  // of the last KeptAfterStartMs() by awake_ms_()
   // Jobs that have folders and no row: since when a server knows, without the times in which none
   // ran. DataDir::missed() keeps it.
   std::map<std::string, int64_t> missed_since_ms_;

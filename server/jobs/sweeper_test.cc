@@ -339,6 +339,42 @@ TEST_F(SweeperTest, TimeInWhichTheMachineSleepsIsNoTimeWithAServer) {
   EXPECT_THAT(pass(1, true), ElementsAre(id));
 }
 
+TEST_F(SweeperTest, EndedJobsWhoseTimeHasComeOnlyByAClockSetForwardAreKeptHalfADay) {
+  int64_t awake_ms = 0;
+  Sweeper sweeper(store_.get(), blobs_.get(), &jobs_->uploads(), data_, clock_, nullptr,
+                  [&] { return awake_ms; });
+  const auto ended = [&](int keep_hours) {
+    NewJob wanted;
+    wanted.policy.retention_seconds = keep_hours * 3600;
+    const std::string id = jobs_->Create(wanted)->id;
+    EXPECT_TRUE(jobs_->Cancel(id).ok());
+    return id;
+  };
+  const auto set_clock = [&](int by_hours) { now_ms_ += by_hours * kHourMs; };
+  const auto pass = [&](int hours) {
+    now_ms_ += hours * kHourMs;
+    awake_ms += hours * kHourMs;
+    return *sweeper.Sweep();
+  };
+  const std::string first = ended(7 * 24), next = ended(7 * 24 + 1), soon = ended(2);
+  const int64_t expire_ms = jobs_->Get(first)->expire_time_ms;
+  EXPECT_THAT(pass(1), IsEmpty());
+  set_clock(30 * 24);
+  EXPECT_THAT(pass(0), IsEmpty());
+  set_clock(-30 * 24);
+  EXPECT_THAT(pass(0), IsEmpty());
+  EXPECT_EQ(jobs_->Get(first)->expire_time_ms, expire_ms);
+
+  set_clock(7 * 24 - 2);  // an hour before the first is due
+  EXPECT_THAT(pass(0), IsEmpty());
+  EXPECT_THAT(pass(1), ElementsAre(soon)) << "its time has come without the jump, too";
+  const std::string after = ended(2);
+  EXPECT_THAT(pass(1), IsEmpty());
+  EXPECT_THAT(pass(1), ElementsAre(after)) << "it ended after the jump";
+  EXPECT_THAT(pass(8), IsEmpty());
+  EXPECT_THAT(pass(1), ElementsAre(first, next)) << "the clock was right, as after a sleep";
+}
+
 TEST_F(SweeperTest, AJobWhoseEndIsStillToBeToldExpiresAfterThatOrADay) {
   const auto ended = [&] {
     NewJob wanted;
