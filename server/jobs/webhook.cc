@@ -16,7 +16,8 @@ namespace {
 
 constexpr size_t kMaxUrlBytes = 500, kMinSecretBytes = 16, kMaxSecretBytes = 128;
 constexpr int64_t kFirstPauseMs = 30'000, kLongestPauseMs = 3'600'000;
-constexpr int kMaxAttempts = 30;  // 23 of them an hour apart
+constexpr int64_t kClocksDifferMs = 60'000;  // those of two servers, by less than that
+constexpr int kMaxAttempts = 30;             // 23 of them an hour apart
 
 absl::Status Bad(const char* field, std::string_view why) {
   return InvalidInput("WEBHOOK_INVALID", field, absl::StrCat(field, ": ", std::string(why)));
@@ -102,5 +103,7 @@ int64_t WebhookPauseMs(int attempts) {
   if (attempts >= kMaxAttempts) return 0;
   return std::min(kLongestPauseMs, kFirstPauseMs << std::clamp(attempts - 1, 0, 10));
 }
+
+int64_t LatestWebhookMs(int64_t now_ms) { return now_ms + kLongestPauseMs + kClocksDifferMs; }
 
 }  // namespace litags

@@ -40,6 +40,10 @@ std::string WebhookSignature(std::string_view secret, int64_t timestamp, std::st
 // twice as much each time, to an hour; 0: there is none, a day or so is over.
 int64_t WebhookPauseMs(int attempts);
 
+// No attempt waits until after that. One that does was given its time before the clock was set
+// back.
+int64_t LatestWebhookMs(int64_t now_ms);
+
 }  // namespace litags
 
 #endif  // LITAGS_SERVER_JOBS_WEBHOOK_H_

@@ -328,9 +328,10 @@ class JobStore : public ClientStore {
   // Ids of the jobs whose expire_time_ms has come; at most `limit`, oldest first.
   virtual absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) = 0;
 
-  // Ids of the jobs whose webhook_due_ms has come, of each owner the oldest; at most `limit`,
-  // oldest first.
-  virtual absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int limit) = 0;
+  // Ids of the jobs whose webhook_due_ms has come, or is after `latest_ms`, of each owner the
+  // oldest; at most `limit`, oldest first.
+  virtual absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int64_t latest_ms,
+                                                               int limit) = 0;
 
   // Jobs that have unreferenced blobs and neither take files nor run nor wait to.
   virtual absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) = 0;

@@ -359,9 +359,10 @@ TEST_F(JobStoreConformance, OfDueWebhooksTheOldestOfEachOwnerIsListed) {
     job.webhook_due_ms = due_ms;
     ASSERT_TRUE(store_->Create(job, Nothing).ok());
   }
-  EXPECT_THAT(*store_->WebhooksDue(30, 10), ElementsAre("a2", "b1"));
-  EXPECT_THAT(*store_->WebhooksDue(30, 1), ElementsAre("a2"));
-  EXPECT_THAT(*store_->WebhooksDue(9, 10), ElementsAre());
+  EXPECT_THAT(*store_->WebhooksDue(30, 40, 10), ElementsAre("a2", "b1"));
+  EXPECT_THAT(*store_->WebhooksDue(30, 40, 1), ElementsAre("a2"));
+  EXPECT_THAT(*store_->WebhooksDue(9, 40, 10), ElementsAre());
+  EXPECT_THAT(*store_->WebhooksDue(9, 29, 10), ElementsAre("a1", "c1"));
 }
 
 TEST_F(JobStoreConformance, InstallationIdIsMadeOnceAndOtherDatabasesHaveOthers) {

@@ -101,8 +101,9 @@ absl::StatusOr<std::vector<std::string>> SqlJobStore::Expired(int64_t now_ms, in
   return Answer([&](SqlSession& sql) { return SelectExpired(sql, now_ms, limit); });
 }
 
-absl::StatusOr<std::vector<std::string>> SqlJobStore::WebhooksDue(int64_t now_ms, int limit) {
-  return Answer([&](SqlSession& sql) { return SelectWebhooksDue(sql, now_ms, limit); });
+absl::StatusOr<std::vector<std::string>> SqlJobStore::WebhooksDue(int64_t now_ms, int64_t latest_ms,
+                                                                  int limit) {
+  return Answer([&](SqlSession& sql) { return SelectWebhooksDue(sql, now_ms, latest_ms, limit); });
 }
 
 absl::StatusOr<std::vector<std::string>> SqlJobStore::JobsWithUnreferencedBlobs(int limit) {

@@ -36,7 +36,8 @@ class SqlJobStore : public JobStore {
                                                                    Change change) override;
   absl::StatusOr<std::vector<std::string>> LeasedTo(std::string_view owner) override;
   absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override;
-  absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int limit) override;
+  absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int64_t latest_ms,
+                                                       int limit) override;
   absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) override;
   absl::StatusOr<JobCensus> Census() override;
   absl::StatusOr<JobQueue> Queue() override;

@@ -308,13 +308,13 @@ absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t 
 }
 
 absl::StatusOr<std::vector<std::string>> SelectWebhooksDue(SqlSession& sql, int64_t now_ms,
-                                                           int limit) {
+                                                           int64_t latest_ms, int limit) {
   const auto row = sql.Prepare(
       "SELECT id FROM (SELECT id, webhook_due_ms, ROW_NUMBER() OVER "
       "(PARTITION BY owner ORDER BY webhook_due_ms, id) AS place FROM jobs "
-      "WHERE webhook_due_ms > 0 AND webhook_due_ms <= ?1) AS due "
-      "WHERE place = 1 ORDER BY webhook_due_ms LIMIT ?2");
-  row->Bind(now_ms).Bind(int64_t{limit});
+      "WHERE webhook_due_ms > 0 AND (webhook_due_ms <= ?1 OR webhook_due_ms > ?2)) AS due "
+      "WHERE place = 1 ORDER BY webhook_due_ms LIMIT ?3");
+  row->Bind(now_ms).Bind(latest_ms).Bind(int64_t{limit});
   return ReadAll(*row, ReadId);
 }
 

@@ -34,7 +34,7 @@ absl::StatusOr<std::optional<std::string>> SelectFirst(SqlSession& sql, FirstOf 
 absl::StatusOr<std::vector<std::string>> SelectLeasedTo(SqlSession& sql, std::string_view owner);
 absl::StatusOr<std::vector<std::string>> SelectExpired(SqlSession& sql, int64_t now_ms, int limit);
 absl::StatusOr<std::vector<std::string>> SelectWebhooksDue(SqlSession& sql, int64_t now_ms,
-                                                           int limit);
+                                                           int64_t latest_ms, int limit);
 absl::StatusOr<std::vector<std::string>> SelectJobsWithUnreferencedBlobs(SqlSession& sql,
                                                                          int limit);
 absl::StatusOr<JobCensus> SelectCensus(SqlSession& sql);

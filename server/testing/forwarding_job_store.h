@@ -44,8 +44,9 @@ class ForwardingJobStore : public JobStore {
   absl::StatusOr<std::vector<std::string>> Expired(int64_t now_ms, int limit) override {
     return store_.Expired(now_ms, limit);
   }
-  absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int limit) override {
-    return store_.WebhooksDue(now_ms, limit);
+  absl::StatusOr<std::vector<std::string>> WebhooksDue(int64_t now_ms, int64_t latest_ms,
+                                                       int limit) override {
+    return store_.WebhooksDue(now_ms, latest_ms, limit);
   }
   absl::StatusOr<std::vector<std::string>> JobsWithUnreferencedBlobs(int limit) override {
     return store_.JobsWithUnreferencedBlobs(limit);

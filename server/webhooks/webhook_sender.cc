@@ -86,8 +86,9 @@ void WebhookSender::Loop() {
 
 absl::StatusOr<int> WebhookSender::SendDue() {
   int sent = 0;
+  const int64_t now_ms = store_->NowMs();
   LITAGS_ASSIGN_OR_RETURN(std::vector<std::string> ids,
-                          store_->WebhooksDue(store_->NowMs(), kClientsPerLook));
+                          store_->WebhooksDue(now_ms, LatestWebhookMs(now_ms), kClientsPerLook));
   // No client is always the first.
   std::shuffle(ids.begin(), ids.end(), std::minstd_rand(std::random_device()()));
   for (const std::string& id : ids) {
@@ -106,7 +107,8 @@ absl::StatusOr<bool> WebhookSender::SendOne(const std::string& id) {
   LITAGS_ASSIGN_OR_RETURN(const JobRecord job, store_->Update(id, [&](JobTransaction& taken) {
     const int64_t now_ms = store_->NowMs();
     int64_t& due_ms = taken.job.webhook_due_ms;
-    mine = due_ms > 0 && due_ms <= now_ms && turn.Take(taken.job.owner);
+    const bool due = due_ms > 0 && (due_ms <= now_ms || due_ms > LatestWebhookMs(now_ms));
+    mine = due && turn.Take(taken.job.owner);
     if (!mine) return absl::OkStatus();
     mine = IsTerminal(taken.job.state);
     due_ms = mine ? now_ms + kClaimMs : 0;

@@ -15,6 +15,7 @@
 #include "server/jobs/jobs.h"
 #include "server/jobs/jobs_test_util.h"
 #include "server/jobs/leases.h"
+#include "server/testing/forwarding_job_store.h"
 
 namespace litags {
 namespace {
@@ -115,6 +116,35 @@ TEST_F(WebhookSenderTest, AFailureIsTriedAgainLaterAndKnown) {
   EXPECT_EQ(webhook.attempts, 2);
   EXPECT_EQ(webhook.last_error, "");
   EXPECT_GT(webhook.delivered_event, 0);
+}
+
+// Its clock was ahead when the job ended, or when an attempt failed.
+TEST_F(WebhookSenderTest, AnEndOfBeforeTheClockWasSetBackIsToldNow) {
+  class SetClock : public ForwardingJobStore {
+   public:
+    using ForwardingJobStore::ForwardingJobStore;
+    int64_t NowMs() override { return ForwardingJobStore::NowMs() + ahead_ms; }
+    int64_t ahead_ms = int64_t{30} * 24 * 3'600'000;
+  };
+  SetClock store(store_.get());
+  Jobs jobs(&store, blobs_.get(), data_, StoreClock(&store), {}, {{"*"}});
+  const std::string id = StartedJob(jobs);
+  ASSERT_TRUE(jobs.Cancel(id).ok());
+  answer_ = absl::UnavailableError("nobody there");
+  int sent = 0;
+  WebhookSender sender(
+      &store, {{"*"}}, Body,
+      [&](const auto&, const auto&, const auto&) {
+        ++sent;
+        return answer_;
+      },
+      /*threads=*/0);
+  EXPECT_EQ(*sender.SendDue(), 1);
+  EXPECT_EQ(*sender.SendDue(), 0) << "the pause";
+  store.ahead_ms = 0;
+  EXPECT_EQ(*sender.SendDue(), 1);
+  EXPECT_EQ(*sender.SendDue(), 0) << "the pause by the clock as it is now";
+  EXPECT_EQ(sent, 2);
 }
 
 TEST_F(WebhookSenderTest, WhatOneSenderHasTakenAnotherLeaves) {
