@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <utility>
 
 #include "server/jobs/codec.h"
 #include "server/store/digest.h"
@@ -61,13 +62,12 @@ absl::Status WorkFolder::Fetch(const CancelToken& cancel) {
 
 absl::StatusOr<bool> WorkFolder::Store(const std::vector<std::string>& but) {
   LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> names, FilesWorthKeeping(run()));
-  bool changed = false;
   const auto replace = [&](const std::string& name, const KeptFile& file) {
     KeptFile& kept = kept_[name];
     if (kept == file) return;
     if (!kept.blob.empty()) replaced_.push_back(kept.blob);
     kept = file;
-    changed = true;
+    changed_ = true;
   };
   for (const std::string& name : names) {
     if (std::find(but.begin(), but.end(), name) != but.end()) continue;
@@ -94,9 +94,9 @@ absl::StatusOr<bool> WorkFolder::Store(const std::vector<std::string>& but) {
     replaced_.push_back(it->second.blob);
     it = kept_.erase(it);
     stamps_.erase(name);
-    changed = true;
+    changed_ = true;
   }
-  return changed;
+  return std::exchange(changed_, false);
 }
 
 void WorkFolder::RemoveReplaced() {

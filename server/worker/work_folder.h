@@ -35,8 +35,9 @@ class WorkFolder {
   absl::Status Fetch(const CancelToken& cancel = {});
 
   // Stores the files that are new or were replaced since the last call; those in `but` at another
-  // time. What is gone is not kept any more. The blob store's errors leave it as it was; what was
-  // stored by then is not stored again. Returns whether kept() has changed.
+  // time. What is gone is not kept any more. After an error of the blob store, what was stored by
+  // then is kept, and is not stored again. Returns whether kept() has changed since the last call
+  // that succeeded.
   absl::StatusOr<bool> Store(const std::vector<std::string>& but = {});
   const KeptFiles& kept() const { return kept_; }
   // Bytes that Store() sent to the blob store.
@@ -53,6 +54,7 @@ class WorkFolder {
   BlobStore* const blobs_;
   const std::unique_ptr<ScratchFolder> scratch_;
   KeptFiles kept_;
+  bool changed_ = false;                   // kept_, since a Store() that succeeded
   std::map<std::string, int64_t> stamps_;  // of the files as they were stored, by name
   std::vector<std::string> replaced_;      // blobs
   int64_t stored_bytes_ = 0;

@@ -191,6 +191,21 @@ TEST_F(WorkFolderTest, FileThatTheBlobStoreDoesNotTakeIsAnErrorNotAFileThatIsGon
   EXPECT_THAT(folder->kept(), IsEmpty());
 }
 
+TEST_F(WorkFolderTest, WhatIsStoredBeforeAnErrorIsTheNextCallsChange) {
+  FaultyBlobStore blobs(blobs_.get());
+  const auto folder = Take(3, {}, &blobs);
+  for (const char* name : {"a", "b"}) Write(*folder, name, name);
+  int writes = 0;
+  blobs.on_write = [&](std::string_view) {
+    return ++writes == 2 ? absl::UnavailableError("away") : absl::OkStatus();
+  };
+  EXPECT_FALSE(folder->Store().ok());
+  ASSERT_EQ(folder->kept().size(), 1u);
+  fs::remove(folder->run() + (folder->kept().contains("a") ? "/b" : "/a"));
+  EXPECT_TRUE(*folder->Store());
+  EXPECT_FALSE(*folder->Store());
+}
+
 TEST_F(WorkFolderTest, FolderThatCannotBeListedCostsNoKeptFile) {
   const auto folder = Take(3);
   Write(*folder, "checkpoint", "c");
