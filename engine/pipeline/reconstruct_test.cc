@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <future>
 #include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
 #include <string>
@@ -271,11 +272,15 @@ TEST(Reconstruct, ACancelWhileTargetsAreMadeLeavesNothingHalfWritten) {
   EXPECT_EQ(recorder.reports.back().message, kMakingTargets);
   EXPECT_THAT(recorder.snapshots, IsEmpty());
   // The cameras are whole, and are used again.
+  std::map<std::string, fs::file_time_type> cameras;
   for (const std::string& file : FilesIn(input.work_dir)) {
     EXPECT_THAT(file, HasSubstr("/cameras/"));
     EXPECT_THAT(file, Not(HasSubstr("-tmp")));
+    cameras[file] = fs::last_write_time(file);
   }
+  EXPECT_THAT(cameras, Not(IsEmpty()));
   ASSERT_TRUE(Reconstruct(input, SmallOptions()).ok());
+  for (const auto& [file, time] : cameras) EXPECT_EQ(fs::last_write_time(file), time) << file;
   ASSERT_TRUE(Reconstruct(whole, SmallOptions()).ok());
   EXPECT_TRUE(SceneBytes(input) == SceneBytes(whole));
 }

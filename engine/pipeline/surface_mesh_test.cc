@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -29,14 +30,19 @@ TEST(SurfaceMesh, LiesOnTheWallAndHasItsColor) {
 
 TEST(SurfaceMesh, FollowsCropUpAndScale) {
   ExportRequest request = RequestOf(SceneFormat::kMeshGlb);  // Y up, where the cameras' is -y
-  request.crop = Box{{-0.5, -0.5, 4}, {0.5, 0.5, 6}};
+  request.crop = Box{{-0.5, -0.5, 4}, {0.5, 0.2, 6}};
   request.scale = 100;
   const auto mesh = SurfaceMesh(*WallScene(), request);
   ASSERT_TRUE(mesh.ok()) << mesh.status();
+  float highest = -100;
   for (const ColoredPoint& vertex : mesh->vertices) {
-    for (int k = 0; k < 2; ++k) EXPECT_LT(std::abs(vertex.xyz[k]), 51);
+    EXPECT_LT(std::abs(vertex.xyz[0]), 51);
+    EXPECT_GT(vertex.xyz[1], -21);
+    EXPECT_LT(vertex.xyz[1], 51);
     EXPECT_NEAR(std::abs(vertex.xyz[2]), 100 * kWallDepth, 2);
+    highest = std::max(highest, float(vertex.xyz[1]));
   }
+  EXPECT_GT(highest, 30);
 }
 
 TEST(SurfaceMesh, IsTheSameForAnyNumberOfThreads) {
