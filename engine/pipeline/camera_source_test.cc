@@ -350,6 +350,7 @@ TEST_F(CameraSource, PointsWithoutTracksAreTriangulatedAnew) {
   ASSERT_TRUE(found.ok()) << found.status();
   EXPECT_THAT(report_.notes, Contains(HasSubstr("few of the 40 points")));
   EXPECT_THAT(report_.notes, Contains(HasSubstr("the cameras are those in 0")));
+  EXPECT_FALSE(found->points.empty());
   for (const SparsePoint& point : found->points) EXPECT_GE(point.track_length(), 2);
 }
 

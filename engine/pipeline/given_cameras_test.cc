@@ -97,6 +97,7 @@ TEST_F(StoredCameras, AreTurnedUprightWithTheirPhotos) {
     EXPECT_NEAR(turned_x, i == 1 ? kHeight - y : y, 1e-9);
     EXPECT_NEAR(turned_y, i == 1 ? x : kWidth - x, 1e-9);
   }
+  EXPECT_GT(cameras->points[0].track_length(), 0);
   for (const TrackElement& e : cameras->points[0].track) {
     const auto [x, y] = Pixel(cameras->views[e.view].camera, cameras->distortions[e.view]);
     EXPECT_NEAR(e.x, x, 1e-9) << e.view;

@@ -316,6 +316,7 @@ TEST(OddCaptures, AFullDiskIsSaidAndTheJobGoesOnWhenThereIsRoom) {
     EXPECT_EQ(Reason(status), "DISK_FULL");
     EXPECT_THAT(std::string(status.message()), HasSubstr("free some space"));
   }
+  EXPECT_FALSE(std::filesystem::is_empty(full.work_dir)) << "the cameras";
   for (const auto& entry : std::filesystem::directory_iterator(full.work_dir)) {
     EXPECT_THAT(entry.path().filename().string(), Not(HasSubstr("tmp"))) << "half a file was left";
   }

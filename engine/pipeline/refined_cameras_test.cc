@@ -72,6 +72,8 @@ TEST(RefineCameras, HeldOutPhotosAreMeasuredAtTheEnd) {
   const auto report = MakeEngine(kNoColmap)->Reconstruct(photos.Input("work"), Refining(),
                                                          CancelToken(), &recorder);
   ASSERT_TRUE(report.ok()) << report.status();
+  ASSERT_FALSE(recorder.reports.empty());
+  EXPECT_EQ(recorder.reports.back().iteration, kIterations);
   for (const Progress& p : recorder.reports) {
     EXPECT_EQ(std::isfinite(p.psnr_holdout), p.iteration == kIterations && !Placing(p))
         << p.iteration << " " << p.message;

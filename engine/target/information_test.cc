@@ -114,6 +114,7 @@ TEST(InformationWeights, WhatWasMadeBrighterThanWhiteIsNotClipped) {
 TEST(InformationWeights, WhatNoPhotoKnowsWeighsAsMuchAsWhatIsKnown) {
   const Photo photo = TwoHalves(100, 255), target = TwoHalves(100, 250);
   const auto planes = InformationWeights({&photo, &photo}, {&target, &target}, {1, 4});
+  ASSERT_EQ(planes.size(), 2u);
   for (const PlaneU8& plane : planes) {
     EXPECT_EQ(plane.data[5], kInformationOne);
     EXPECT_EQ(plane.data[kSize - 5], kInformationOne);

@@ -183,6 +183,7 @@ TEST(Response, FewPointsShowLittle) {
     w.noise = 0.15;
     const CaptureResponse have = EstimateResponse(w.photos, Samples(w));
     EXPECT_EQ(have.vignette, kNone) << seed;
+    ASSERT_EQ(have.gains.size(), size_t(w.photos));
     for (const auto& gain : have.gains) {
       EXPECT_NEAR(std::log(gain[0]), 0, 0.1) << seed;
       EXPECT_NEAR(std::log(gain[2]), 0, 0.1) << seed;
@@ -261,6 +262,7 @@ TEST(Response, APhotoThatSharesNothingIsNoTrouble) {
   std::stable_sort(samples.begin(), samples.end(),
                    [](const PointSample& a, const PointSample& b) { return a.point < b.point; });
   const CaptureResponse have = EstimateResponse(w.photos, samples);
+  ASSERT_EQ(have.gains.size(), size_t(w.photos));
   for (const auto& gain : have.gains) {
     for (const double g : gain) EXPECT_TRUE(std::isfinite(g));
   }
@@ -392,9 +394,10 @@ TEST(Response, AChannelThatIsBlackTellsFalloffAndNoColor) {
     s.log_light[2] = -20;
   }
   const CaptureResponse have = EstimateResponse(w.photos, samples);
-  for (const auto& gain : have.gains) EXPECT_THAT(gain, ElementsAre(1, 1, 1));
-  for (const auto& gain : WithoutColorDrift(have, samples).gains)
-    EXPECT_THAT(gain, ElementsAre(1, 1, 1));
+  for (const CaptureResponse& response : {have, WithoutColorDrift(have, samples)}) {
+    ASSERT_EQ(response.gains.size(), size_t(w.photos));
+    for (const auto& gain : response.gains) EXPECT_THAT(gain, ElementsAre(1, 1, 1));
+  }
   EXPECT_GT(CornerStops(have.vignette), 1.5);
 }
 

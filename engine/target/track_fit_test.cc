@@ -91,6 +91,7 @@ TEST(TrackFit, WithoutColumnsFindsOffsetsDespiteWrongValues) {
   for (int i = 1; i < w.photos; ++i) {
     EXPECT_NEAR(fit.offsets[i] - fit.offsets[0], 0.1 * i, 0.05) << i;
   }
+  ASSERT_EQ(fit.errors.size(), size_t(w.photos));
   for (const double error : fit.errors) EXPECT_GT(error, 0);
 }
 
@@ -99,7 +100,9 @@ TEST(TrackFit, EndsSoonOnceItIsCancelled) {
   CancelToken cancel;
   cancel.Cancel();
   // No round has weighed wrong values; a point's only value counts for nothing from the start.
-  for (const double weight : FitTracks(w.photos, w.values, cancel).weights) {
+  const TrackFit fit = FitTracks(w.photos, w.values, cancel);
+  ASSERT_EQ(fit.weights.size(), w.values.size());
+  for (const double weight : fit.weights) {
     EXPECT_TRUE(weight == 0 || weight == 1) << weight;
   }
 }

@@ -138,6 +138,7 @@ TEST(Initialize, PointsInOnePlaceGiveFiniteGaussians) {
   for (const StartShape shape : {StartShape::kBall, StartShape::kDisk}) {
     const auto splats = InitializeFromPoints(points, {}, {}, shape);
     ASSERT_TRUE(splats.ok());
+    ASSERT_EQ(splats->size(), points.size());
     for (const float v : splats->data()) ASSERT_TRUE(std::isfinite(v));
   }
 }

@@ -158,6 +158,7 @@ class Training {
 };
 
 void ExpectFinite(const Splats& splats) {
+  ASSERT_GT(splats.size(), 0u);
   for (const float x : splats.data()) ASSERT_TRUE(std::isfinite(x));
 }
 

@@ -115,6 +115,7 @@ TEST_F(JobStoreSharing, EveryQueuedJobGoesToOneOfManyTakers) {
   // twice.
   EXPECT_EQ(taken.size(), size_t{kJobs});
   const auto jobs = store_->List(0, "", 100);
+  ASSERT_EQ(jobs->size(), size_t{kJobs});
   for (const JobRecord& job : *jobs) EXPECT_EQ(job.attempt, 1) << job.id;
 }
 

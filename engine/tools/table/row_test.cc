@@ -161,7 +161,9 @@ TEST(ParseMethod, TheNameDecidesWhatIsTrainedOnWhat) {
   ReconstructOptions base;
   base.iterations = 77;
   const std::vector<std::string> enhancers = {"gain", "mine"};
-  for (const std::string& name : AllMethods(enhancers)) {
+  const std::vector<std::string> names = AllMethods(enhancers);
+  ASSERT_GT(names.size(), enhancers.size());
+  for (const std::string& name : names) {
     const auto method = ParseMethod(name, base, enhancers);
     ASSERT_TRUE(method.ok()) << method.status();
     EXPECT_EQ(method->options.iterations, 77) << name;
