@@ -22,8 +22,6 @@
 namespace litags {
 namespace {
 
-constexpr char kTempSuffix[] = ".litags-tmp";
-
 absl::Status ErrnoStatus(int error, std::string_view field, const std::string& path,
                          std::string_view doing) {
   auto make = [&](absl::StatusCode code, std::string_view reason, std::string_view remedy) {

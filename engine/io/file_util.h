@@ -30,6 +30,9 @@ absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes
 // The same for `parts` written one after the other, without joining them in memory.
 absl::Status WriteFileAtomically(const std::string& path, absl::Span<const std::string_view> parts);
 
+// How the names of those temporary files end.
+inline constexpr char kTempSuffix[] = ".litags-tmp";
+
 // Deletes the temporary files that writers killed half-way left in `dir`. For the folder's only
 // writer, when it starts. Returns how many there were.
 int RemoveStaleTempFiles(const std::string& dir);

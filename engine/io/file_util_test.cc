@@ -234,22 +234,70 @@ TEST(NameIndex, FindsOnlyNamesWhoseKeyIsAmongThoseOfThePath) {
   }
 }
 
-TEST(MakeEmptyFolder, LeavesNothingOfWhatWasThereAndSaysWhatItCannotMake) {
+TEST(MakeEmptyFolder, LeavesNothingButTheMarkerAndSaysWhatItCannotMake) {
   TempDir dir;
   const std::string folder = dir / "run/sfm";
   ASSERT_TRUE(MakeEmptyFolder(folder).ok());
   ASSERT_TRUE(WriteFileAtomically(folder + "/left", "x").ok());
+  ASSERT_TRUE(WriteFileAtomically(folder + "/.1-0.litags-tmp", "half").ok());
   ASSERT_TRUE(MakeFolder(folder).ok());
-  EXPECT_EQ(CountFiles(folder), 1);
+  ASSERT_TRUE(MakeOwnFolder(folder).ok());
+  EXPECT_EQ(CountFiles(folder), 3);
   ASSERT_TRUE(MakeEmptyFolder(folder).ok());
-  EXPECT_EQ(CountFiles(folder), 0);
+  EXPECT_EQ(CountFiles(folder), 1);
+  EXPECT_TRUE(std::filesystem::exists(folder + "/" + kOwnFolderMarker));
 
   ASSERT_TRUE(WriteFileAtomically(dir / "file", "x").ok());
-  for (const absl::Status& refused :
-       {MakeFolder(dir / "file/sfm"), MakeEmptyFolder(dir / "file/sfm")}) {
+  for (const absl::Status& refused : {MakeFolder(dir / "file/sfm"), MakeOwnFolder(dir / "file/sfm"),
+                                      MakeEmptyFolder(dir / "file/sfm")}) {
     EXPECT_EQ(Reason(refused), "FOLDER_NOT_WRITABLE");
     EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr("file/sfm"));
   }
+}
+
+TEST(OwnFolder, FilesOfOthersAreRefusedAndStay) {
+  TempDir dir;
+  std::filesystem::create_directory(dir / "mine");
+  ASSERT_TRUE(WriteFileAtomically(dir / "mine/original.NEF", "bytes").ok());
+  ASSERT_TRUE(WriteFileAtomically(dir / "file", "bytes").ok());
+  std::filesystem::create_directory_symlink(dir / "mine", dir / "link");
+  std::filesystem::create_directory_symlink(dir / "none", dir / "dangling");
+  for (const char* name : {"mine", "file", "link", "dangling"}) {
+    const std::string folder = dir / name;
+    for (const absl::Status& refused :
+         {CheckOwnFolder(folder), MakeOwnFolder(folder), MakeEmptyFolder(folder)}) {
+      EXPECT_EQ(Reason(refused), "FOLDER_NOT_OURS") << name;
+      EXPECT_THAT(std::string(refused.message()), ::testing::HasSubstr(folder));
+    }
+  }
+  EXPECT_EQ(CountFiles(dir / "mine"), 1);
+  EXPECT_EQ(ReadFile(dir / "mine/original.NEF", "", 9).value(), "bytes");
+  EXPECT_EQ(ReadFile(dir / "file", "", 9).value(), "bytes");
+}
+
+TEST(OwnFolder, EmptyOnesAndMarkedOnesAreTaken) {
+  TempDir dir;
+  const std::string folder = dir / "sfm";
+  EXPECT_TRUE(CheckOwnFolder(folder).ok());
+  std::filesystem::create_directory(folder);
+  EXPECT_TRUE(CheckOwnFolder(folder).ok());
+  // Of a run that was killed while it wrote the marker.
+  ASSERT_TRUE(WriteFileAtomically(folder + "/.1-0.litags-tmp", "half").ok());
+  EXPECT_TRUE(CheckOwnFolder(folder).ok());
+  ASSERT_TRUE(MakeOwnFolder(folder).ok());
+  ASSERT_TRUE(WriteFileAtomically(folder + "/database.db", "x").ok());
+  EXPECT_TRUE(CheckOwnFolder(folder).ok());
+}
+
+// The folder of another run, say: it may still be wanted there.
+TEST(MakeEmptyFolder, WhatALinkPointsToStays) {
+  TempDir dir;
+  ASSERT_TRUE(MakeOwnFolder(dir / "other").ok());
+  ASSERT_TRUE(WriteFileAtomically(dir / "other/frame.png", "x").ok());
+  std::filesystem::create_directory_symlink(dir / "other", dir / "frames");
+  ASSERT_TRUE(MakeEmptyFolder(dir / "frames").ok());
+  EXPECT_FALSE(std::filesystem::is_symlink(dir / "frames"));
+  EXPECT_TRUE(std::filesystem::exists(dir / "other/frame.png"));
 }
 
 TEST(ListNames, FoldersAndFilesAreSorted) {

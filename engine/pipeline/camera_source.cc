@@ -96,8 +96,8 @@ Json SourceOf(const ReconstructInput& input, const ReconstructOptions& options,
 // those from `first_note` on are of it.
 absl::Status SaveRegistration(const std::string& dir, const Json& source, const SparseModel& model,
                               const ReconstructReport& report, size_t first_note) {
+  LITAGS_RETURN_IF_ERROR(MakeOwnFolder(dir));
   std::error_code ignored;  // writing reports what matters
-  fs::create_directories(dir, ignored);
   fs::remove(dir + "/registration.json", ignored);
   LITAGS_RETURN_IF_ERROR(WriteColmapModel(dir, model));
   const std::vector<std::string> notes(report.notes.begin() + static_cast<ptrdiff_t>(first_note),

@@ -72,7 +72,7 @@ class RealEngine : public Engine {
     SilentObserver silent;
     if (observer == nullptr) observer = &silent;
     const double start = MonotonicSeconds();
-    LITAGS_RETURN_IF_ERROR(CheckInputsOutside(given));
+    LITAGS_RETURN_IF_ERROR(CheckWorkDir(given));
     LITAGS_ASSIGN_OR_RETURN(const FolderLock lock, LockWorkDir(given.work_dir));
     const OpenCvThreads opencv(options.threads > 0 ? options.threads : DefaultThreadCount());
     // Of a run that was killed while it wrote.

@@ -49,12 +49,12 @@ class Engine {
   // the process: the run that began last sets it, and the last to end puts back what the first
   // found. A video that this process decodes sets FFmpeg's log level (quiet) and largest
   // allocation, which stay. No input may lie in a folder that the run writes into
-  // (INPUT_IN_WORK_DIR). Resumes from work_dir's checkpoint if there is one made from the same
-  // photos and options, save more iterations of the same schedule; one of more iterations than are
-  // wanted, or of a newer program, is refused (CHECKPOINT_TOO_LONG, CONTAINER_TOO_NEW), not
-  // replaced. CANCELLED soon after the token
-  // is raised; INVALID_ARGUMENT or FAILED_PRECONDITION (with an ErrorDetail) if the photos cannot
-  // give a scene. `observer` may be null.
+  // (INPUT_IN_WORK_DIR), nor any other file that no run has made (FOLDER_NOT_OURS). Resumes from
+  // work_dir's checkpoint if there is one made from the same photos and options, save more
+  // iterations of the same schedule; one of more iterations than are wanted, or of a newer program,
+  // is refused (CHECKPOINT_TOO_LONG, CONTAINER_TOO_NEW), not replaced. CANCELLED soon after the
+  // token is raised; INVALID_ARGUMENT or FAILED_PRECONDITION (with an ErrorDetail) if the photos
+  // cannot give a scene. `observer` may be null.
   virtual absl::StatusOr<ReconstructReport> Reconstruct(const ReconstructInput& input,
                                                         const ReconstructOptions& options,
                                                         const CancelToken& cancel,

@@ -22,6 +22,7 @@
 #include "engine/io/image_header.h"
 #include "engine/io/image_io.h"
 #include "engine/io/transforms_io.h"
+#include "engine/io/work_folder.h"
 #include "engine/pipeline/black_bars.h"
 #include "engine/pipeline/photo_place.h"
 #include "engine/pipeline/photo_progress.h"
@@ -95,8 +96,7 @@ std::optional<size_t> PhotoOfMask(const std::string& name, const NameIndex& inde
 absl::StatusOr<std::string> WriteMask(const ReconstructInput& input, const std::string& photo,
                                       const PlaneU8& mask) {
   const std::string dir = input.work_dir + "/found_masks";
-  std::error_code ignored;  // writing says what is wrong
-  fs::create_directories(dir, ignored);
+  LITAGS_RETURN_IF_ERROR(MakeOwnFolder(dir));
   const std::string path = absl::StrCat(dir, "/", photo, ".png");
   LITAGS_ASSIGN_OR_RETURN(const std::string png, EncodeMask(mask));
   LITAGS_RETURN_IF_ERROR(WriteFileAtomically(path, png));

@@ -8,6 +8,7 @@
 #include "absl/strings/str_join.h"
 #include "engine/core/error.h"
 #include "engine/io/file_util.h"
+#include "engine/io/work_folder.h"
 #include "engine/pipeline/fingerprint.h"
 #include "engine/video/frame_process.h"
 
@@ -96,14 +97,10 @@ absl::StatusOr<ReconstructInput> WithFramesAsPhotos(
     return result;
   }
   progress(absl::StrCat("choosing frames of ", name));
-  std::error_code error;
-  fs::remove(done, error);
-  fs::remove_all(result.images_dir, error);
-  fs::create_directories(result.images_dir, error);
-  if (error) {
-    return MakeError(absl::StatusCode::kInternal, "IO_ERROR", field,
-                     absl::StrCat("cannot make ", result.images_dir, ": ", error.message()));
-  }
+  LITAGS_RETURN_IF_ERROR(CheckOwnFolder(result.images_dir));
+  std::error_code ignored;  // writing it says what is wrong
+  fs::remove(done, ignored);
+  LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(result.images_dir));
   LITAGS_ASSIGN_OR_RETURN(
       const PickedFrames picked,
       PickFramesInto(

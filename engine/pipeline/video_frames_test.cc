@@ -10,6 +10,7 @@
 #include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/work_folder.h"
 #include "engine/pipeline/wide_photos.h"
 #include "engine/video/testing_video.h"
 
@@ -87,6 +88,27 @@ TEST_F(VideoFrames, AreKeptForTheSameVideoAndNumberOnly) {
   Write(EncodeVideo(WalkFrames(160, 90, 50, 4), {}));
   ASSERT_TRUE(Pick(4).ok());
   EXPECT_THAT(notes_, ElementsAre(HasSubstr("4 of the 50 frames")));
+}
+
+// As ffmpeg cuts them: see docs/video.md.
+TEST_F(VideoFrames, FramesOfTheUsersStay) {
+  const std::string mine = input_.work_dir + "/frames/0001.png";
+  fs::create_directory(input_.work_dir + "/frames");
+  ASSERT_TRUE(WriteFileAtomically(mine, "mine").ok());
+  const auto status = Pick().status();
+  EXPECT_EQ(Reason(status), "FOLDER_NOT_OURS");
+  EXPECT_THAT(std::string(status.message()), HasSubstr(input_.work_dir + "/frames"));
+  EXPECT_EQ(ReadFile(mine, "", 9).value(), "mine");
+  EXPECT_EQ(Photos(), 1u);
+}
+
+TEST_F(VideoFrames, ThoseOfAnOlderVersionAreUsed) {
+  ASSERT_TRUE(Pick().ok());
+  fs::remove(input_.work_dir + "/frames/" + kOwnFolderMarker);
+  ASSERT_TRUE(Pick().ok());
+  EXPECT_EQ(Pick(4).status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Photos(), 6u);
+  ASSERT_TRUE(Pick().ok()) << "still known";
 }
 
 TEST_F(VideoFrames, AMissingEndIsNoted) {

@@ -178,7 +178,7 @@ absl::StatusOr<CutInput> WithViewsOfWidePhotos(
   out.dir = dir;
   out.masks = dir / "masks";
   LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(out.dir));
-  LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(out.masks));
+  LITAGS_RETURN_IF_ERROR(MakeFolder(out.masks));
   LITAGS_RETURN_IF_ERROR(WriteAll(input, *list, wide, threads, cancel, progress, &out));
   CutInput result = input;
   result.images_dir = out.dir;
@@ -187,7 +187,7 @@ absl::StatusOr<CutInput> WithViewsOfWidePhotos(
   result.masks_dir = fs::is_empty(out.masks, ignored) ? "" : out.masks.string();
   if (!input.cameras_path.empty()) {
     const fs::path cameras = dir / "cameras";
-    LITAGS_RETURN_IF_ERROR(MakeEmptyFolder(cameras));
+    LITAGS_RETURN_IF_ERROR(MakeFolder(cameras));
     LITAGS_RETURN_IF_ERROR(WriteColmapModel(cameras, CamerasOfViews(wide, out.views)));
     result.cameras_path = cameras;
     result.cameras_are_upright = true;

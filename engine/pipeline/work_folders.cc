@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <iterator>
 #include <system_error>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/io/work_folder.h"
 
 namespace litags {
 namespace {
@@ -47,17 +49,27 @@ absl::Status CheckOutside(const std::string& work_dir, absl::Span<const absl::st
   return absl::OkStatus();
 }
 
-absl::Status CheckInputsOutside(const ReconstructInput& input) {
+absl::Status CheckOwnFolders(const std::string& work_dir,
+                             absl::Span<const absl::string_view> folders) {
+  for (const absl::string_view name : folders) {
+    LITAGS_RETURN_IF_ERROR(CheckOwnFolder(fs::path(work_dir) / std::string(name)));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckWorkDir(const ReconstructInput& input) {
   if (input.work_dir.empty()) {
     return InvalidInput("WORK_DIR_MISSING", "work_dir",
                         "no output folder is named; name one, \".\" for the current folder");
   }
-  std::vector<absl::string_view> written = {
+  constexpr absl::string_view kFolders[] = {
       "photos", "found_masks", "sfm", "wide_views", "wide_views_2", "cameras", "solved_fisheyes"};
+  std::vector<absl::string_view> written(std::begin(kFolders), std::end(kFolders));
   if (!input.video_path.empty()) written.push_back("frames");
   const std::string inputs[] = {input.images_dir, input.video_path, input.cameras_path,
                                 input.depth_dir, input.masks_dir};
-  return CheckOutside(input.work_dir, written, inputs);
+  LITAGS_RETURN_IF_ERROR(CheckOutside(input.work_dir, written, inputs));
+  return CheckOwnFolders(input.work_dir, kFolders);
 }
 
 absl::StatusOr<FolderLock> LockWorkDir(const std::string& work_dir) {

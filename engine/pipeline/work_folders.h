@@ -1,5 +1,6 @@
 // A run writes into folders in its work_dir, and clears most of them before: what the user gave
-// must not lie there, and no other run may be in it.
+// must not lie there, nor other files of the user's (engine/io/work_folder.h), and no other run may
+// be in it.
 #ifndef LITAGS_ENGINE_PIPELINE_WORK_FOLDERS_H_
 #define LITAGS_ENGINE_PIPELINE_WORK_FOLDERS_H_
 
@@ -21,9 +22,14 @@ namespace litags {
 absl::Status CheckOutside(const std::string& work_dir, absl::Span<const absl::string_view> folders,
                           absl::Span<const std::string> inputs);
 
-// The same of all that a run reads and all folders that it writes into. INVALID_ARGUMENT
-// (WORK_DIR_MISSING) if work_dir is empty.
-absl::Status CheckInputsOutside(const ReconstructInput& input);
+// CheckOwnFolder of all these folders of `work_dir`.
+absl::Status CheckOwnFolders(const std::string& work_dir,
+                             absl::Span<const absl::string_view> folders);
+
+// Both, of all that a run reads and all folders that it writes into; WithFramesAsPhotos checks
+// whose the frames are, which may be kept. INVALID_ARGUMENT (WORK_DIR_MISSING) if work_dir is
+// empty.
+absl::Status CheckWorkDir(const ReconstructInput& input);
 
 // Holds the lock of a folder. It leaves no file there, ends with the process, and is no child's.
 using FolderLock = std::unique_ptr<DIR, int (*)(DIR*)>;

@@ -7,6 +7,7 @@
 
 #include "engine/core/error_test_util.h"
 #include "engine/core/temp_dir_test_util.h"
+#include "engine/io/work_folder.h"
 #include "engine/pipeline/capture_test_util.h"
 
 namespace litags {
@@ -18,6 +19,7 @@ using ::testing::HasSubstr;
 TEST(WorkFolders, AnInputInAFolderThatARunWritesIntoIsRefused) {
   const TempDir dir;
   const std::string work = dir.path() + "/capture";
+  ASSERT_TRUE(MakeOwnFolder(work + "/photos").ok());
   fs::create_directories(work + "/photos/masks");
   fs::create_directories(dir.path() + "/elsewhere");
   fs::create_directory_symlink(work + "/photos", dir.path() + "/link");
@@ -25,7 +27,7 @@ TEST(WorkFolders, AnInputInAFolderThatARunWritesIntoIsRefused) {
     ReconstructInput input;
     input.work_dir = work;
     input.images_dir = images;
-    return Reason(CheckInputsOutside(input));
+    return Reason(CheckWorkDir(input));
   };
   EXPECT_EQ(reason(work + "/photos"), "INPUT_IN_WORK_DIR");
   EXPECT_EQ(reason(work + "/photos/"), "INPUT_IN_WORK_DIR");
@@ -43,19 +45,19 @@ TEST(WorkFolders, AnOutputFolderThatCannotBeResolvedHoldsNoInput) {
   ReconstructInput input;
   input.work_dir = dir.path() + "/loop/out";
   input.images_dir = dir.path();
-  EXPECT_EQ(Reason(CheckInputsOutside(input)), "");
+  EXPECT_EQ(Reason(CheckWorkDir(input)), "");
   input.images_dir = input.work_dir + "/photos";
-  EXPECT_EQ(Reason(CheckInputsOutside(input)), "INPUT_IN_WORK_DIR");
+  EXPECT_EQ(Reason(CheckWorkDir(input)), "INPUT_IN_WORK_DIR");
 }
 
 TEST(WorkFolders, TheFramesOfAnEarlierStepAreAnInput) {
   ReconstructInput input;
   input.work_dir = "/tmp/capture";
   input.images_dir = "/tmp/capture/frames";
-  EXPECT_TRUE(CheckInputsOutside(input).ok());
+  EXPECT_TRUE(CheckWorkDir(input).ok());
   input.images_dir.clear();
   input.video_path = "/tmp/capture/frames/night.mp4";
-  EXPECT_EQ(Reason(CheckInputsOutside(input)), "INPUT_IN_WORK_DIR");
+  EXPECT_EQ(Reason(CheckWorkDir(input)), "INPUT_IN_WORK_DIR");
 }
 
 // Files of the root folder were removed and written.
@@ -80,6 +82,36 @@ TEST(WorkFolders, ARunLeavesThePhotosBesideItsOutputAlone) {
   EXPECT_EQ(Reason(status), "INPUT_IN_WORK_DIR");
   EXPECT_THAT(std::string(status.message()), HasSubstr("/photos"));
   EXPECT_TRUE(fs::is_regular_file(capture.Path("photos/v003 (1).png")));
+}
+
+// They were deleted, or written over.
+TEST(WorkFolders, FilesOfTheUsersInAFolderThatARunWritesIntoAreRefusedAndStay) {
+  const RoomCapture capture(6);
+  const ReconstructInput input = capture.Input("work");
+  for (const char* name : {"photos", "found_masks", "sfm", "wide_views", "wide_views_2", "cameras",
+                           "solved_fisheyes"}) {
+    const fs::path folder = fs::path(input.work_dir) / name;
+    fs::create_directories(folder);
+    ASSERT_TRUE(WriteFileAtomically(folder / "mine.txt", "mine").ok());
+    const absl::Status status = Train(input, capture.Options(10)).status();
+    EXPECT_EQ(Reason(status), "FOLDER_NOT_OURS") << name;
+    EXPECT_THAT(std::string(status.message()), HasSubstr(folder.string()));
+    EXPECT_EQ(ReadFile(folder / "mine.txt", "", 9).value(), "mine");
+    fs::remove_all(folder);
+    EXPECT_TRUE(fs::is_empty(input.work_dir)) << name;
+  }
+}
+
+TEST(WorkFolders, ARunGoesOnInTheFoldersOfTheRunBefore) {
+  const RoomCapture capture(6);
+  fs::copy_file(capture.Path("images/v003.png"), capture.Path("images/v003 (1).png"));
+  const ReconstructInput input = capture.Input("work");
+  ASSERT_TRUE(Train(input, capture.Options(10)).ok());
+  ASSERT_TRUE(fs::exists(input.work_dir + "/photos") && fs::exists(input.work_dir + "/cameras"));
+  fs::remove(capture.Path("images/v003 (1).png"));
+  fs::copy_file(capture.Path("images/v004.png"), capture.Path("images/v004 (1).png"));
+  const auto second = Train(input, capture.Options(20));
+  EXPECT_TRUE(second.ok()) << second.status();
 }
 
 TEST(WorkFolders, WhatAKilledRunWasWritingIsDeleted) {

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/io/work_folder.h"
 #include "server/store/digest.h"
 #include "server/store/file_error.h"
 
@@ -35,7 +36,8 @@ absl::Status AddFiles(const fs::path& folder, const std::string& prefix,
       const bool passing = std::ranges::find(kPassing, name) != std::end(kPassing);
       if (!prefix.empty() || passing) continue;
       LITAGS_RETURN_IF_ERROR(AddFiles(it->path(), name + "/", files));
-    } else if (!name.ends_with(kUnfinished) && it->is_regular_file(gone)) {
+    } else if (!name.ends_with(kUnfinished) && name != kOwnFolderMarker &&
+               it->is_regular_file(gone)) {
       files->push_back(prefix + name);
     }
   }

@@ -38,8 +38,9 @@ inline constexpr char kFinishedScene[] = "finished/scene.litags";
 
 // Paths of the files in a work folder that a later run wants: all that lie in it and in its
 // folders, but for the workspace of finding cameras, photos and masks that each run picks or makes
-// anew, links, and files that are being written. INTERNAL (STORE_FAILED) if a folder cannot be
-// read: no list rather than half of one, since what is not listed is not kept any more.
+// anew, links, marks of the engine's own folders, and files that are being written. INTERNAL
+// (STORE_FAILED) if a folder cannot be read: no list rather than half of one, since what is not
+// listed is not kept any more.
 absl::StatusOr<std::vector<std::string>> FilesWorthKeeping(const std::string& work_folder);
 
 // Stores the file at `path`, which may be replaced meanwhile, but not written to: as it was at one

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "engine/io/work_folder.h"
 #include "server/jobs/codec.h"
 #include "server/store/digest.h"
 #include "server/store/file_error.h"
@@ -44,10 +45,12 @@ absl::Status WorkFolder::Fetch(const CancelToken& cancel) {
   for (const auto& [name, file] : kept_) {
     if (name == kFinishedScene) continue;
     LITAGS_RETURN_IF_ERROR(cancel.Check());
-    const fs::path path = fs::path(run()) / name;
+    const fs::path path = fs::path(run()) / name, folder = path.parent_path();
     std::error_code error;
-    if (!fs::exists(path.parent_path())) fs::create_directories(path.parent_path(), error);
-    if (error) return FileError("create", path.parent_path(), error.value());
+    if (!fs::exists(folder)) fs::create_directories(folder, error);
+    if (error) return FileError("create", folder, error.value());
+    // The engine made it.
+    if (folder != run()) LITAGS_RETURN_IF_ERROR(MakeOwnFolder(folder));
     fs::remove(path, error);  // of an interrupted call
     const absl::Status fetched = blobs_->Fetch(BlobKey(lease_.job.id, file.blob), path);
     if (absl::IsNotFound(fetched) || absl::IsDataLoss(fetched)) {

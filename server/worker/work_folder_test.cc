@@ -11,6 +11,7 @@
 #include "engine/core/error_test_util.h"
 #include "engine/core/temp_dir_test_util.h"
 #include "engine/io/file_util.h"
+#include "engine/io/work_folder.h"
 #include "server/jobs/codec.h"
 #include "server/store/digest.h"
 #include "server/testing/faulty_blob_store.h"
@@ -100,6 +101,21 @@ TEST_F(WorkFolderTest, NextLeaseFindsWhatTheEngineLeft) {
   EXPECT_EQ(*ReadFile(second->run() + "/cameras/images.bin", "", 9), "i");
   EXPECT_FALSE(*second->Store()) << "nothing has changed";
   EXPECT_EQ(second->stored_bytes(), 0);
+}
+
+// It would be refused as if it were of somebody else.
+TEST_F(WorkFolderTest, FoldersThatComeBackAreTheEngines) {
+  const auto first = Take(3);
+  const std::string cameras = first->run() + "/cameras";
+  ASSERT_TRUE(MakeOwnFolder(cameras).ok());
+  Write(*first, "cameras/images.bin", "i");
+  ASSERT_TRUE(*first->Store());
+  EXPECT_THAT(first->kept(), ElementsAre(Pair("cameras/images.bin", KeptFile{Blob(3, "i"), 1})));
+  const auto second = Take(9, first->kept());
+  ASSERT_TRUE(second->Fetch().ok());
+  EXPECT_TRUE(CheckOwnFolder(second->run() + "/cameras").ok());
+  EXPECT_FALSE(fs::exists(second->run() + "/" + kOwnFolderMarker));
+  EXPECT_FALSE(*second->Store()) << "nothing has changed";
 }
 
 // A photo that is left out makes a folder of links to the others, which the run before stored.

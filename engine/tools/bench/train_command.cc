@@ -142,7 +142,7 @@ nlohmann::json ReportDepth(const DepthScores& depth) {
 // So that nothing that an earlier run kept is used: the seconds are those of the whole run.
 absl::Status RemoveOldRun(const ReconstructInput& input) {
   const std::string& out = input.work_dir;
-  LITAGS_RETURN_IF_ERROR(CheckInputsOutside(input));
+  LITAGS_RETURN_IF_ERROR(CheckWorkDir(input));
   std::error_code ignored;  // writing reports what matters
   std::filesystem::create_directories(out, ignored);
   LITAGS_ASSIGN_OR_RETURN(const FolderLock lock, LockWorkDir(out));

@@ -12,8 +12,9 @@ int ExitCodeOf(const absl::Status& status) {
   const auto detail = GetErrorDetail(status);
   if (status.ok()) return 0;
   if (absl::IsCancelled(status)) return kInterruptedExit;
-  const bool of_input = detail.has_value() &&
-                        (detail->reason == "TOO_FEW_PHOTOS" || detail->reason == "VIDEO_NOT_ALONE");
+  const bool of_input = detail.has_value() && (detail->reason == "TOO_FEW_PHOTOS" ||
+                                               detail->reason == "VIDEO_NOT_ALONE" ||
+                                               detail->reason == "FOLDER_NOT_OURS");
   return absl::IsInvalidArgument(status) || absl::IsNotFound(status) || of_input ? 2 : 1;
 }
 

@@ -19,6 +19,7 @@
 #include "engine/core/machine_memory.h"
 #include "engine/io/file_util.h"
 #include "engine/io/image_io.h"
+#include "engine/io/work_folder.h"
 #include "engine/pipeline/engine.h"
 #include "engine/pipeline/work_folders.h"
 #include "engine/tools/evaluation/benchmark_scene.h"
@@ -56,14 +57,18 @@ void PrintMean(const char* what, const Scores& scores) {
       static_cast<int>(scores.views.size()), scores.psnr, scores.ssim, scores.psnr_affine);
 }
 
-// The pictures that a run writes into OUT, one a line. They are noted before they are written, so
+// Folders of OUT for pictures.
+constexpr char kViews[] = "views", kTest[] = "test";
+// The pictures that a run writes into them, one a line. They are noted before they are written, so
 // that the next run finds those of one that was killed.
 constexpr char kPictures[] = "/pictures.txt";
 
-void NotePictures(const std::string& out, const std::string& folder,
-                  const std::vector<std::string>& stems) {
+absl::Status BeginPictures(const std::string& out, const std::string& folder,
+                           const std::vector<std::string>& stems) {
+  LITAGS_RETURN_IF_ERROR(MakeOwnFolder(fs::path(out) / folder));
   std::ofstream list(out + kPictures, std::ios::app);
   for (const std::string& stem : stems) list << folder << "/" << stem << ".png\n";
+  return absl::OkStatus();
 }
 
 // Pictures and scores of an earlier run, which are of its scene. Other files stay.
@@ -72,7 +77,7 @@ void RemoveOldPictures(const std::string& out) {
   std::ifstream list(out + kPictures);
   for (std::string line; std::getline(list, line);) {
     const fs::path path = line, folder = path.parent_path();
-    if (folder == "views" || folder == "test") fs::remove(fs::path(out) / path, ignored);
+    if (folder == kViews || folder == kTest) fs::remove(fs::path(out) / path, ignored);
   }
   fs::remove(out + kPictures, ignored);
   fs::remove(out + "/evaluation.json", ignored);
@@ -87,8 +92,8 @@ absl::Status Evaluate(const Arguments& args, const Scene& scene) {
   for (const std::string& note : unscored.Notes(views.size())) PrintNote(note);
   if (views.empty()) return absl::OkStatus();
   views = AtMost(args.options.max_image_side, std::move(views));
-  const std::string truth = args.scene.TruthDir(), pictures = args.out + "/test";
-  NotePictures(args.out, "test", PictureStems(NamesOf(views)));
+  const std::string truth = args.scene.TruthDir(), pictures = absl::StrCat(args.out, "/", kTest);
+  LITAGS_RETURN_IF_ERROR(BeginPictures(args.out, kTest, PictureStems(NamesOf(views))));
   const absl::StatusOr<Scores> renders =
       ScoreScene(scene, views, truth, pictures, args.options.threads);
   if (absl::IsNotFound(renders.status())) {
@@ -207,6 +212,19 @@ void PrintReport(const ReconstructReport& report, int test_photos) {
               report.scene_path.c_str());
 }
 
+// That a folder that was named has a photo of a test view at least.
+absl::Status CheckTruth(const BenchmarkScene& scene) {
+  if (scene.truth.empty()) return absl::OkStatus();
+  LITAGS_RETURN_IF_ERROR(ListPhotos(scene.truth, "--truth").status());
+  LITAGS_ASSIGN_OR_RETURN(const std::vector<TestView> views, scene.TestViews());
+  for (const std::string& name : NamesOf(views)) {
+    if (FindPhoto(scene.truth, name).ok()) return absl::OkStatus();
+  }
+  return InvalidInput("NO_TRUTH", "--truth",
+                      absl::StrCat("--truth: no test view has a photo of its name in ", scene.truth,
+                                   "; name the folder that has, or leave it out"));
+}
+
 // What the arguments say that is trained on; some of it completes `args`.
 absl::StatusOr<ReconstructInput> FindInput(Arguments* args) {
   LITAGS_RETURN_IF_ERROR(CheckVideoIsThere(args->scene.dir));
@@ -225,6 +243,7 @@ absl::StatusOr<ReconstructInput> FindInput(Arguments* args) {
                   "would not be used: the scene has test views, and nothing else is held out; "
                   "leave it out");
   }
+  LITAGS_RETURN_IF_ERROR(CheckTruth(args->scene));
   input.memory_bytes = MachineMemory();
   if (video) input.video_path = args->scene.dir;
   input.frame_program = OwnPickFramesProgram();
@@ -234,9 +253,10 @@ absl::StatusOr<ReconstructInput> FindInput(Arguments* args) {
   LITAGS_ASSIGN_OR_RETURN(input.depth_network,
                           DepthNetwork::Parse(args->depth_model, "--depth-model"));
   LITAGS_RETURN_IF_ERROR(
-      CheckOutside(args->out, {"views", "test"},
+      CheckOutside(args->out, {kViews, kTest},
                    {input.images_dir, input.video_path, input.cameras_path, input.depth_dir,
                     input.masks_dir, args->scene.TruthDir(), args->scene.poses}));
+  LITAGS_RETURN_IF_ERROR(CheckOwnFolders(args->out, {kViews, kTest}));
   return input;
 }
 
@@ -261,8 +281,9 @@ absl::Status Inspect(const ReconstructInput& input, const ReconstructOptions& op
 absl::Status WriteResults(const Arguments& args, const ReconstructReport& report,
                           const Scene& scene) {
   LITAGS_RETURN_IF_ERROR(scene.ExportPly(args.out + "/scene.ply", /*light=*/0));
-  NotePictures(args.out, "views", PictureStems(NamesOf(scene.views())));
-  LITAGS_RETURN_IF_ERROR(WriteViews(scene, args.out + "/views", args.options.threads));
+  LITAGS_RETURN_IF_ERROR(BeginPictures(args.out, kViews, PictureStems(NamesOf(scene.views()))));
+  LITAGS_RETURN_IF_ERROR(
+      WriteViews(scene, absl::StrCat(args.out, "/", kViews), args.options.threads));
   LITAGS_ASSIGN_OR_RETURN(const int test_photos, CountTestPhotos(args, report));
   if (test_photos > 0) {
     std::fprintf(stderr,
@@ -323,7 +344,9 @@ int Main(int argc, char** argv) {
   app.add_option("-o,--output,--out", args.out,
                  "folder for scene.litags, scene.ply, report.json and views/PHOTO.png, the photos' "
                  "views in normal light; with test views also test/PHOTO.png and evaluation.json; "
-                 "only --inspect needs none");
+                 "work is kept there in cameras/, frames/, found_masks/, photos/, sfm/, "
+                 "solved_fisheyes/ and wide_views/; a folder of such a name that is not of litags "
+                 "is refused; only --inspect needs none");
   app.add_option("--light", args.scene.light,
                  "benchmark layout: photos are in DIR/LIGHT (low, over_exp, high)");
   CLI::Option* cameras = app.add_option(

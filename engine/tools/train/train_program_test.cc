@@ -262,6 +262,40 @@ TEST_F(TrainProgramTest, ASecondRunReplacesWhatTheFirstWrote) {
   EXPECT_FALSE(fs::exists(out_ + "/evaluation.json"));
 }
 
+// A picture of the user's was written over, and folders of the user's were deleted.
+TEST_F(TrainProgramTest, FilesOfTheUsersInAFolderThatARunWritesIntoAreRefusedAndStay) {
+  for (const char* folder : {"/views", "/test", "/photos"}) {
+    const std::string mine = out_ + folder + "/0001.png";
+    fs::create_directories(out_ + folder);
+    ASSERT_TRUE(WriteFileAtomically(mine, "mine").ok());
+    const Outcome outcome = Run({scene_ + "/low", "--cameras", scene_ + "/sparse"});
+    EXPECT_EQ(outcome.exit_code, 2) << folder;
+    EXPECT_THAT(outcome.text, HasSubstr("FOLDER_NOT_OURS"));
+    EXPECT_THAT(outcome.text, HasSubstr(out_ + folder));
+    EXPECT_EQ(ReadFile(mine, "", 9).value(), "mine");
+    fs::remove_all(out_ + folder);
+  }
+  EXPECT_TRUE(fs::is_empty(out_));
+}
+
+// It was said after the training, and the program ended with 0.
+TEST_F(TrainProgramTest, ATruthThatCannotScoreIsRefused) {
+  WriteTrainingCameras(scene_, dir_ / "cameras");
+  fs::create_directory(dir_ / "empty");
+  fs::create_directory(dir_ / "other");
+  fs::copy_file(scene_ + "/high/0001.JPG", dir_ / "other/0001.JPG");
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"no_such", "NO_SUCH_FOLDER"}, {"empty", "NO_PHOTOS"}, {"other", "NO_TRUTH"}};
+  for (const auto& [truth, reason] : cases) {
+    const Outcome outcome =
+        Run({scene_, "--light", "low", "--cameras", dir_ / "cameras", "--truth", dir_ / truth});
+    EXPECT_EQ(outcome.exit_code, 2) << truth;
+    EXPECT_THAT(outcome.text, HasSubstr(reason));
+    EXPECT_THAT(outcome.text, HasSubstr("--truth"));
+  }
+  EXPECT_FALSE(fs::exists(out_));
+}
+
 TEST_F(TrainProgramTest, AnInterruptedRunSaysHowToGoOn) {
   // In the foreground, or timeout signals twice: a second signal ends the program without a word.
   const SubprocessResult result =
