@@ -5,7 +5,7 @@ import {copyFileSync, readdirSync, rmSync, statSync} from "node:fs";
 import {join} from "node:path";
 import {openPage} from "./steps.mjs";
 
-const {URL: url, PHOTOS: photos, ARCHIVE: archive} = process.env;
+const {URL: url, PHOTOS: photos, ARCHIVE: archive, MASKED: masked} = process.env;
 
 const {browser, page, step} = await openPage();
 const sent = [], ranges = new Map();  // requests; the Content-Range of each file
@@ -106,6 +106,26 @@ await step("a file that is refused for good is sent once", async () => {
   await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
 });
 
+await step("a photo that is refused takes its mask along", async () => {
+  for (const [button, then] of [["Start without them", "succeeded"], ["Look at the others first", "uploading"]]) {
+    await page.getByRole("link", {name: "New job", exact: true}).first().click();
+    await page.locator("#folder").setInputFiles(masked);
+    await page.getByText("4 photos, 4 masks,").waitFor();
+    sent.length = 0;
+    await start.click();
+    await page.getByText("1 of 8 files were refused:").waitFor();
+    await page.getByText("Masks of these photos, which are left out, too:").waitFor();
+    assert.deepEqual(await page.locator(".result ul").last().locator("li").allTextContents(), ["bad.png"]);
+    await page.getByRole("button", {name: button}).click();
+    await page.locator(".heading .state", {hasText: then}).waitFor();
+    assert.deepEqual(sent.filter((request) => /^DELETE/.test(request)).map((request) => request.split("/").at(-1)),
+                     ["bad.png"]);
+  }
+  page.once("dialog", (dialog) => dialog.accept());  // 3 of 4 photos have come
+  await page.getByRole("button", {name: "Start", exact: true}).click();
+  await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
+});
+
 await step("files that do not arrive are no refusals, and can be sent again", async () => {
   const gone = join(photos, "gone.png");
   copyFileSync(join(photos, "a.png"), gone);
@@ -114,9 +134,9 @@ await step("files that do not arrive are no refusals, and can be sent again", as
   await page.getByText("4 photos,").waitFor();
   rmSync(gone);
   await page.route(/files\/b\.png/, (route) => route.abort());
-  await page.evaluate(() => {  // no pauses between attempts
+  await page.evaluate(() => {  // no pauses between attempts, which are at most 15 s
     window.patient = window.setTimeout;
-    window.setTimeout = (what) => window.patient(what, 0);
+    window.setTimeout = (what, ms) => window.patient(what, ms > 15000 ? ms : 0);
   });
   await start.click();
   await page.getByText("2 of 4 files did not arrive:").waitFor();

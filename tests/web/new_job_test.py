@@ -38,10 +38,30 @@ class NewJob(gateway.GatewayTest):
         packed = pathlib.Path(self.photos())
         (packed / "bad.png").write_bytes(b"no photo")
         archive = shutil.make_archive(os.path.join(self.folder, "night"), "zip", packed)
-        self.run_steps("new_job_steps.mjs", PHOTOS=str(folder), ARCHIVE=archive)
+        self.run_steps("new_job_steps.mjs", PHOTOS=str(folder), ARCHIVE=archive, MASKED=self.masked_photos())
+
+    def masked_photos(self):
+        """A folder of photos, each with a mask; one photo is cut short."""
+        folder = pathlib.Path(self.folder, "masked")
+        (folder / "masks").mkdir(parents=True)
+        for seed, name in enumerate(("a.png", "b.png", "c.png", "bad.png")):
+            photo = harness.png(seed=seed)
+            (folder / name).write_bytes(photo[:len(photo) // 2] if name == "bad.png" else photo)
+            (folder / "masks" / name).write_bytes(photo)
+        return str(folder)
 
     def test_answers_that_are_lost(self):
         self.run_steps("lost_answers_steps.mjs", PHOTOS=self.photos(), JOB=self.web_job())
+
+    def test_a_server_that_is_silent(self):
+        folder = pathlib.Path(self.photos())
+        (folder / "b.png").write_bytes(harness.png(seed=77))  # no job has it
+        self.run_steps("connection_steps.mjs", PHOTOS=str(folder), JOB=self.web_job(),
+                       SERVER=str(self.server.process.pid))
+
+    def test_the_list_of_jobs(self):
+        self.web_job()
+        self.run_steps("list_steps.mjs")
 
     def test_what_is_said_of_a_job(self):
         self.run_steps("job_steps.mjs", JOB=self.web_job())
@@ -49,4 +69,5 @@ class NewJob(gateway.GatewayTest):
 
 if __name__ == "__main__":
     npm_packages.run_browser_tests(browser_test.HERE, browser_test.WORK, "new_job_steps.mjs",
-                                   "job_steps.mjs", "lost_answers_steps.mjs", "steps.mjs")
+                                   "job_steps.mjs", "lost_answers_steps.mjs", "connection_steps.mjs",
+                                   "list_steps.mjs", "steps.mjs")

@@ -134,33 +134,78 @@ export function refusal(code: number, text: string): ApiError {
   return errorOf(code, text);
 }
 
+// A server that says nothing for so long is away: of a stream without events it says every 15 s that it is there.
+const kSilentMs = 40000;
+
+// Aborts `signal` when the server has fallen silent, and with `outer`. With `asks` a silence may be the server's
+// work: it is asked whether it is there.
+export class Silence {
+  private readonly stop = new AbortController();
+  private timer = 0;
+  readonly signal = this.stop.signal;
+
+  constructor(private readonly outer?: AbortSignal, public asks = false) {
+    outer?.addEventListener("abort", this.leave);
+    this.heard();
+    if (outer?.aborted) this.leave();
+  }
+
+  // The server, or the way to it, shows that it is there.
+  heard(): void {
+    window.clearTimeout(this.timer);
+    if (!this.signal.aborted) this.timer = window.setTimeout(() => this.silent(), kSilentMs);
+  }
+
+  // What has not come by now is not wanted any more.
+  end(reason?: unknown): void {
+    window.clearTimeout(this.timer);
+    this.outer?.removeEventListener("abort", this.leave);
+    this.stop.abort(reason);
+  }
+
+  private readonly leave = (): void => this.end(this.outer?.reason);
+
+  private silent(): void {
+    const away = (): void => this.end(new ApiError(0, kUnreachable));
+    if (this.asks) get<unknown>("/v1/serverInfo").then(() => this.heard(), away);
+    else away();
+  }
+}
+
 // What is read of an answer's body, whose connection may break, too.
-const whole = <T>(read: Promise<T>, signal?: AbortSignal): Promise<T> => read.catch((error: unknown) => {
-  if (signal?.aborted) throw error;
-  throw new ApiError(0, "the connection broke");
+const whole = <T>(read: Promise<T>, signal: AbortSignal): Promise<T> => read.catch(() => {
+  throw signal.aborted ? signal.reason : new ApiError(0, "the connection broke");
 });
 
-async function request(method: string, path: string, body?: unknown,
-                       signal?: AbortSignal): Promise<Response> {
+async function request(method: string, path: string, body: unknown, signal: AbortSignal): Promise<Response> {
   let response: Response;
   try {
     response = await fetch(path, {
-      method, signal: signal ?? null, credentials: "same-origin",
+      method, signal, credentials: "same-origin",
       ...(body === undefined ? {} : {
         body: JSON.stringify(body), headers: {"Content-Type": "application/json"},
       }),
     });
-  } catch (error) {
-    if (signal?.aborted) throw error;
-    throw new ApiError(0, kUnreachable);
+  } catch {
+    throw signal.aborted ? signal.reason : new ApiError(0, kUnreachable);
   }
   if (response.ok) return response;
   throw (path === "/v1/session" ? errorOf : refusal)(response.status, await whole(response.text(), signal));
 }
 
-export async function call<T>(method: string, path: string, body?: unknown): Promise<T> {
-  return await whole((await request(method, path, body)).json()) as T;
+// The answer as `read` reads it.
+async function answer<T>(silence: Silence, read: (response: Response) => Promise<T>, method: string, path: string,
+                         body?: unknown): Promise<T> {
+  try {
+    const response = await request(method, path, body, silence.signal);
+    return await whole(read(response), silence.signal);
+  } finally {
+    silence.end();
+  }
 }
+
+export const call = <T>(method: string, path: string, body?: unknown): Promise<T> =>
+    answer(new Silence(), (response) => response.json() as Promise<T>, method, path, body);
 export const get = <T>(path: string): Promise<T> => call<T>("GET", path);
 export const post = <T>(path: string, body: unknown = {}): Promise<T> =>
     call<T>("POST", path, body);
@@ -181,12 +226,11 @@ export async function camerasOf(job: string): Promise<Cameras> {
 export const newId = (): string =>
     [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16).padStart(2, "0")).join("");
 
-export async function getBlob(path: string): Promise<Blob> {
-  return whole((await request("GET", path)).blob());
-}
-export async function getBytes(path: string): Promise<Uint8Array<ArrayBuffer>> {
-  return new Uint8Array(await whole((await request("GET", path)).arrayBuffer()));
-}
+// Files and pictures: the server may work on them for long.
+export const getBlob = (path: string): Promise<Blob> =>
+    answer(new Silence(undefined, true), (response) => response.blob(), "GET", path);
+export const getBytes = async (path: string): Promise<Uint8Array<ArrayBuffer>> => new Uint8Array(
+    await answer(new Silence(undefined, true), (response) => response.arrayBuffer(), "GET", path));
 
 // A picture, and what the server says of it.
 export interface Picture {
@@ -194,31 +238,42 @@ export interface Picture {
   about: {width: number; height: number; iteration?: number; valueMin?: number; valueMax?: number};
 }
 
-export async function renderView(job: string, view: unknown, signal?: AbortSignal):
-    Promise<Picture> {
-  const response = await request("POST", `/v1/${job}:renderView`, view, signal);
-  return {blob: await whole(response.blob(), signal), about: JSON.parse(response.headers.get("Litags-Answer")!)};
+export const renderView = (job: string, view: unknown, signal?: AbortSignal): Promise<Picture> =>
+    answer(new Silence(signal, true), async (response) => ({
+      blob: await response.blob(), about: JSON.parse(response.headers.get("Litags-Answer")!) as Picture["about"],
+    }), "POST", `/v1/${job}:renderView`, view);
+
+// The events of a stream. `opened` is called once it is there. The connection ends with the loop over them.
+async function* eventsOf<T>(method: string, path: string, body: unknown, signal: AbortSignal,
+                            opened = (): void => {}): AsyncGenerator<T> {
+  const silence = new Silence(signal);
+  try {
+    const response = await request(method, path, body, silence.signal);
+    opened();
+    const reader = response.body!.pipeThrough(new TextDecoderStream()).getReader();
+    const next = () => whole(reader.read(), silence.signal);
+    let text = "", ended = false;
+    for (let got = await next(); !got.done; got = await next()) {
+      silence.heard();
+      const parts = (text + got.value).split("\n\n");
+      text = parts.pop()!;
+      for (const part of parts) {
+        const data = /^data: (.*)$/m.exec(part)?.[1];
+        const name = /^event: (.*)$/m.exec(part)?.[1];
+        if (name === "failure") throw errorOf(0, data ?? "");
+        ended = name === "end";
+        if (data && !ended) yield JSON.parse(data) as T;
+      }
+    }
+    if (!ended) throw new ApiError(0, "the connection broke");
+  } finally {
+    silence.end();
+  }
 }
 
 // The events of a call, which is not made again when the connection breaks.
-export async function* postEvents<T>(path: string, body: unknown, signal: AbortSignal): AsyncGenerator<T> {
-  const response = await request("POST", path, body, signal);
-  const reader = response.body!.pipeThrough(new TextDecoderStream()).getReader();
-  const next = () => whole(reader.read(), signal);
-  let text = "", ended = false;
-  for (let got = await next(); !got.done; got = await next()) {
-    const parts = (text + got.value).split("\n\n");
-    text = parts.pop()!;
-    for (const part of parts) {
-      const data = /^data: (.*)$/m.exec(part)?.[1];
-      const name = /^event: (.*)$/m.exec(part)?.[1];
-      if (name === "failure") throw errorOf(0, data ?? "");
-      ended = name === "end";
-      if (data && !ended) yield JSON.parse(data) as T;
-    }
-  }
-  if (!ended) throw new ApiError(0, "the connection broke");
-}
+export const postEvents = <T>(path: string, body: unknown, signal: AbortSignal): AsyncGenerator<T> =>
+    eventsOf("POST", path, body, signal);
 
 export interface Following {
   // The job goes on, as after Resume: a stream that has ended is opened again.
@@ -226,14 +281,14 @@ export interface Following {
   stop: () => void;
 }
 
-// Follows a stream of events until it ends. The browser opens a connection that broke again by itself,
-// after the event seen last; a stream that was refused or failed is opened again here. A hidden page
-// has no stream: browsers open six connections to a server, over all pages.
+// Follows a stream of events until it ends. One that broke, failed or fell silent is opened again after the
+// event seen last. Not by EventSource, which does not tell that the server is there. A hidden page has no
+// stream: browsers open six connections to a server, over all pages.
 export function follow<T extends {number?: string}>(
     path: string, resumeField: string, on: {
       event: (event: T) => void; end: () => void; trouble: (message: string) => void;
     }): Following {
-  let source: EventSource | undefined;
+  let reading: AbortController | undefined;
   let last = "";
   let timer = 0;
   let failures = 0;  // since the last event
@@ -241,48 +296,39 @@ export function follow<T extends {number?: string}>(
   const close = (): void => {
     window.clearTimeout(timer);
     timer = 0;
-    source?.close();
-    source = undefined;
+    reading?.abort();
+    reading = undefined;
+  };
+  const read = async (signal: AbortSignal): Promise<void> => {
+    const after = last ? `${path.includes("?") ? "&" : "?"}${resumeField}=${last}` : "";
+    for await (const event of eventsOf<T>("GET", path + after, undefined, signal, () => on.trouble(""))) {
+      if (signal.aborted) return;
+      failures = 0;
+      if (event.number) last = event.number;
+      on.event(event);
+    }
   };
   const open = (): void => {
     close();
     if (stopped || document.hidden) return;
-    const after = last ? `${path.includes("?") ? "&" : "?"}${resumeField}=${last}` : "";
-    source = new EventSource(path + after);
-    source.onopen = () => on.trouble("");
-    source.onmessage = (message) => {
-      failures = 0;
-      if (message.lastEventId) last = message.lastEventId;
-      on.event(JSON.parse(message.data) as T);
-    };
-    source.addEventListener("end", () => { close(); on.end(); });
-    source.addEventListener("failure", (message) => {
-      on.trouble(errorOf(0, (message as MessageEvent<string>).data).message);
-      later();
-    });
-    source.onerror = () => {
-      on.trouble(`${kUnreachable}; trying again`);
-      if (source?.readyState === EventSource.CLOSED) later();
-    };
-  };
-  const later = (): void => {
-    close();
-    timer = window.setTimeout(check, Math.min(1000 * 2 ** ++failures, 15000));
-  };
-  // Why it was refused: a new token may be wanted, or the job is gone.
-  const check = (): void => {
-    get<unknown>(path.slice(0, path.lastIndexOf("/"))).then(open, (error: ApiError) => {
-      timer = 0;
-      if (stopped || document.hidden) return;
-      on.trouble(error.message);
-      if (error.mayComeAgain) later();
+    const {signal} = reading = new AbortController();
+    read(signal).then(() => {
+      if (signal.aborted) return;
+      close();
+      on.end();
+    }, (error: unknown) => {
+      if (signal.aborted) return;
+      if (!(error instanceof ApiError)) throw error;
+      close();
+      on.trouble(saidOfRetried(error));
+      if (error.mayComeAgain) timer = window.setTimeout(open, Math.min(1000 * 2 ** ++failures, 15000));
     });
   };
   const seen = (): void => document.hidden ? close() : open();
   document.addEventListener("visibilitychange", seen);
   open();
   return {
-    again: () => { if (!source && !timer) open(); },
+    again: () => { if (!reading && !timer) open(); },
     stop: () => {
       stopped = true;
       close();

@@ -68,7 +68,7 @@ function table(photos: JobFile[], why: Map<string, string>): HTMLElement {
 }
 
 // All of them: a page of the list ends before it is too large for a message.
-async function filesOf(job: string): Promise<JobFile[]> {
+export async function filesOf(job: string): Promise<JobFile[]> {
   const files: JobFile[] = [];
   let pageToken = "";
   do {

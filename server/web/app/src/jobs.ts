@@ -1,7 +1,7 @@
 // All jobs, newest first.
 
 import {get, saidOfRetried, type Job} from "./api.js";
-import {el, labelled, select, voice} from "./dom.js";
+import {el, labelled, select, setText, voice} from "./dom.js";
 import {idOf, isActive, shareDone, standing, titleOf, words} from "./format.js";
 import {thumbnail} from "./thumbnail.js";
 import {every, type View} from "./view.js";
@@ -32,16 +32,26 @@ function card(): {element: HTMLElement; show: (job: Job) => void} {
     element,
     show(job) {
       link.href = `#/jobs/${idOf(job.name)}`;
-      link.textContent = titleOf(job);
-      state.textContent = words(job.state);
+      setText(link, titleOf(job));
+      setText(state, words(job.state));
       state.dataset.state = words(job.state);
-      line.textContent = standing(job);
+      setText(line, standing(job));
       bar.hidden = !isActive(job);
       bar.value = shareDone(job.progress);
       bar.setAttribute("aria-label", `Progress of ${titleOf(job)}`);
       picture.show(job);
     },
   };
+}
+
+// Leaves those that stay where they are: one may have the focus, or selected text.
+function place(list: HTMLElement, shown: HTMLElement[]): void {
+  const stay = new Set<Element>(shown);
+  for (const old of [...list.children]) if (!stay.has(old)) old.remove();
+  shown.forEach((element, i) => {
+    const there = list.children[i] ?? null;
+    if (there !== element) list.insertBefore(element, there);
+  });
 }
 
 // The first jobs, and whether there are more.
@@ -61,7 +71,9 @@ async function newest(filter: string, count: number): Promise<{jobs: Job[]; more
 export function jobsView(): View {
   const cards = new Map<string, ReturnType<typeof card>>();
   const list = el("ul", {class: "cards", "aria-label": "Jobs"});
-  const empty = el("p", {class: "empty", hidden: true});
+  const none = el("p", {class: "empty", hidden: true}, "There are no jobs yet. ",
+                  el("a", {href: "#/new"}, "Make one of your photos."));
+  const noneLike = el("p", {class: "empty", hidden: true}, "No job is like this.");
   const more = el("button", {type: "button", hidden: true, click: () => { size += 50; void refresh(); }},
                   "Show more");
   const say = voice();
@@ -78,13 +90,9 @@ export function jobsView(): View {
         if (!cards.has(job.name)) cards.set(job.name, card());
         cards.get(job.name)!.show(job);
       }
-      const shown = jobs.map((job) => cards.get(job.name)!.element);
-      if (shown.length !== list.children.length || shown.some((c, i) => c !== list.children[i])) {
-        list.replaceChildren(...shown);
-      }
-      empty.hidden = jobs.length > 0;
-      empty.replaceChildren(filter ? "No job is like this." : "There are no jobs yet. ",
-                            filter ? "" : el("a", {href: "#/new"}, "Make one of your photos."));
+      place(list, jobs.map((job) => cards.get(job.name)!.element));
+      none.hidden = jobs.length > 0 || filter !== "";
+      noneLike.hidden = jobs.length > 0 || filter === "";
       more.hidden = !others;
       say("");
     } catch (error) {
@@ -96,7 +104,7 @@ export function jobsView(): View {
                         el("a", {class: "button primary", href: "#/new"}, "New job")),
                      el("form", {class: "filters", role: "search", submit: (e) => e.preventDefault()},
                         labelled("State", state), labelled("Title contains", title)),
-                     list, empty, more);
+                     list, none, noneLike, more);
   const stopLooking = every(3, refresh);
   return {title: "Jobs", element, leave: () => { left = true; stopLooking(); }};
 }

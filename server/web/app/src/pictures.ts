@@ -1,6 +1,6 @@
 // A job's pictures from its photos' places: before and after.
 
-import {camerasOf, type Job} from "./api.js";
+import {camerasOf, getBlob, type Job} from "./api.js";
 import {compare} from "./compare.js";
 import {el, labelled, select} from "./dom.js";
 import {titleOf} from "./format.js";
@@ -20,9 +20,7 @@ export function pictures(): Part {
     const query = new URLSearchParams({
       "pose.camera": name, "settings.channel": channel, "settings.format": "PICTURE_FORMAT_JPEG",
     });
-    const response = await fetch(`/v1/${job!.name}/view?${query}`);
-    if (!response.ok) throw new Error();
-    return URL.createObjectURL(await response.blob());
+    return URL.createObjectURL(await getBlob(`/v1/${job!.name}/view?${query}`));
   };
   let urls: string[] = [];
   // Shows these; a browser keeps pictures until it is told that nobody wants them.

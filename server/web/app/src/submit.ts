@@ -2,8 +2,9 @@
 
 import {ApiError, call, get, newId, post, type Job, type Options, type ServerInfo} from "./api.js";
 import {el, labelled, notice, select} from "./dom.js";
+import {filesOf} from "./findings.js";
 import {asTitle, bytesText, idOf, kPhotosChosen, optionHint, optionName} from "./format.js";
-import {choose, dropped, leftOutOf, persistently, send, type Chosen, type Missing} from "./upload.js";
+import {choose, dropped, leftOutOf, masksAlone, persistently, send, type Chosen, type Missing} from "./upload.js";
 import type {View} from "./view.js";
 
 // Beside the method, what most users would set. The rest is folded.
@@ -192,8 +193,9 @@ function fileChooser(busy: () => boolean, change: () => void): {
           name: () => name, trouble: () => troubleOf(chosen)};
 }
 
-// Which of `all` files, or of those in archives, the job does not have, and what can be done now.
-function whatIsMissing({refused, lost, unsent}: Missing, leftOut: string[], all: number, actions: {
+// Which of `all` files, or of those in archives, the job does not have, which masks go with them, and what can be
+// done now.
+function whatIsMissing({refused, lost, unsent}: Missing, leftOut: string[], masks: string[], all: number, actions: {
   again: () => void; start: () => void; look: () => void;
 }): HTMLElement[] {
   const list = (files: string[], what: string): HTMLElement[] => files.length === 0 ? [] : [
@@ -206,7 +208,8 @@ function whatIsMissing({refused, lost, unsent}: Missing, leftOut: string[], all:
   if (lost.size > 0 && unsent.length === 0) buttons.unshift(button("Send them again", actions.again));
   buttons[0]!.className = "primary";
   return [...count(refused, "were refused"), ...count(lost, "did not arrive"),
-          ...list(leftOut, "Not used, of what is in the archive:"), el("div", {class: "row"}, ...buttons)];
+          ...list(leftOut, "Not used, of what is in the archive:"),
+          ...list(masks, "Masks of these photos, which are left out, too:"), el("div", {class: "row"}, ...buttons)];
 }
 
 // A job of this form as it was: the same form goes on with the same job.
@@ -220,6 +223,11 @@ interface Begun {
 // Removes a job of a form that has changed since, unless it was started.
 async function forget({job}: Begun): Promise<void> {
   if (job && (await get<Job>(`/v1/${job}`)).state === "JOB_STATE_UPLOADING") await call("DELETE", `/v1/${job}`);
+}
+
+async function removeMask(job: string, name: string): Promise<void> {
+  const query = new URLSearchParams({role: "FILE_ROLE_MASK", allowMissing: "true"});
+  await call("DELETE", `/v1/${job}/files/${encodeURIComponent(name)}?${query}`);
 }
 
 export function submitView(): View {
@@ -276,8 +284,14 @@ export function submitView(): View {
     missing.refused = new Map([...refused, ...missing.refused]);
     const leftOut = leftOutOf(all);
     if (missing.refused.size + missing.lost.size + leftOut.length === 0) return open(job, start, signal);
-    const openAnyway = (start: boolean): void => void busy((signal) => open(job, start, signal));
-    result.replaceChildren(...whatIsMissing(missing, leftOut, all.length, {
+    const photos = [...missing.refused.keys(), ...missing.lost.keys()].filter((c) => c.role === "FILE_ROLE_PHOTO");
+    const masks = missing.unsent.length > 0 ? []
+      : masksAlone(await persistently(() => filesOf(job.name), signal), photos.map((c) => c.name));
+    const openAnyway = (start: boolean): void => void busy(async (signal) => {
+      for (const mask of masks) await persistently(() => removeMask(job.name, mask), signal);
+      await open(job, start, signal);
+    });
+    result.replaceChildren(...whatIsMissing(missing, leftOut, masks, all.length, {
       again: () => void busy((signal) => sendRest(job, all, [...missing.lost.keys(), ...missing.unsent], missing.refused,
                                                   start, signal)),
       start: () => openAnyway(true), look: () => openAnyway(false),

@@ -1,6 +1,6 @@
 // A small picture of a job's scene, from where its first photo was taken.
 
-import {get, type Cameras, type Job} from "./api.js";
+import {get, getBlob, type Cameras, type Job} from "./api.js";
 import {el} from "./dom.js";
 import {titleOf} from "./format.js";
 
@@ -14,8 +14,7 @@ async function load(job: Job): Promise<string> {
   const query = new URLSearchParams({
     "pose.camera": first, "settings.width": "320", "settings.format": "PICTURE_FORMAT_JPEG",
   });
-  const response = await fetch(`/v1/${job.name}/view?${query}`);
-  return response.ok ? URL.createObjectURL(await response.blob()) : "";
+  return URL.createObjectURL(await getBlob(`/v1/${job.name}/view?${query}`));
 }
 
 // Loads when it is scrolled into view: each picture makes the server read a scene.

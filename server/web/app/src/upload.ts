@@ -1,6 +1,6 @@
 // Photos, or a video, from this machine to a job.
 
-import {ApiError, nextToken, post, refusal, saidOfRetried} from "./api.js";
+import {ApiError, nextToken, post, refusal, saidOfRetried, Silence, type JobFile} from "./api.js";
 import {notice} from "./dom.js";
 import {digestOf} from "./sha256.js";
 
@@ -81,6 +81,22 @@ export function leftOutOf(files: Chosen[]): string[] {
   return names.some((name) => photo.test(name)) ? names : [];
 }
 
+const stemOf = (name: string): string => name.replace(/\.[^.]*$/, "");
+
+// Whether it is a photo's mask by their names, as the service has it (engine/core/mask.cc).
+function isMaskOf(mask: string, photo: string): boolean {
+  const whole = stemOf(mask), names = [photo, stemOf(photo)];
+  return names.includes(whole) || names.includes(whole.replace(/[_.]mask$/i, ""));
+}
+
+// Of the files that a job has, the masks of photos that it lacks, and of no other: it would not start with them.
+export function masksAlone(files: JobFile[], lacking: string[]): string[] {
+  const names = (role: string): string[] => files.filter((f) => f.role === role).map((f) => f.fileName);
+  const photos = names("FILE_ROLE_PHOTO");
+  const isOfOne = (mask: string, of: string[]): boolean => of.some((photo) => isMaskOf(mask, photo));
+  return names("FILE_ROLE_MASK").filter((mask) => isOfOne(mask, lacking) && !isOfOne(mask, photos));
+}
+
 // Sends the bytes from `offset` on; `sent` is told how many are on their way.
 function put(job: string, chosen: Chosen, digest: string, offset: number,
              sent: (bytes: number) => void, signal: AbortSignal): Promise<void> {
@@ -97,7 +113,15 @@ function put(job: string, chosen: Chosen, digest: string, offset: number,
     } else {
       offset = 0;
     }
-    request.upload.onprogress = (event) => sent(offset + event.loaded);
+    const silence = new Silence(signal, offset === size);
+    request.upload.onprogress = (event) => {
+      silence.heard();
+      sent(offset + event.loaded);
+    };
+    request.upload.onload = () => {  // now the server reads what came, an archive for long
+      silence.asks = true;
+      silence.heard();
+    };
     request.onload = () => {
       if (request.status >= 300) return no(refusal(request.status, request.responseText));
       const stored = JSON.parse(request.responseText) as {skipped?: string[]; skippedTotal?: number};
@@ -107,8 +131,11 @@ function put(job: string, chosen: Chosen, digest: string, offset: number,
       ok();
     };
     request.onerror = () => no(new ApiError(0, "the connection broke"));
-    request.onabort = () => no(new ApiError(0, "stopped"));
-    signal.addEventListener("abort", () => request.abort());
+    silence.signal.addEventListener("abort", () => {
+      no(silence.signal.reason);
+      request.abort();
+    });
+    request.onloadend = () => silence.end();
     request.send(chosen.file.slice(offset));
   });
 }
