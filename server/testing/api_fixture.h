@@ -10,6 +10,7 @@
 #include "engine/core/temp_dir_test_util.h"
 #include "server/api/server.h"
 #include "server/jobs/leases.h"
+#include "server/store/installation_marker.h"
 #include "server/testing/fake_engine.h"
 #include "server/testing/test_client.h"
 #include "server/worker/worker.h"
@@ -36,12 +37,14 @@ class ApiTest : public ::testing::Test {
   }
 
   void StartWorker() {
+    EXPECT_TRUE(marker_.Claim().ok());
     worker_ = std::thread([this] {
       WorkerOptions options;
       options.name = "test-worker";
       options.poll_seconds = 0.05;
       options.progress_seconds = 0.02;
-      RunWorker({store_.get(), blobs_.get(), &leases_, engine_.get(), data_}, options, stop_);
+      RunWorker({store_.get(), blobs_.get(), &leases_, engine_.get(), data_, &marker_}, options,
+                stop_);
     });
   }
 
@@ -70,6 +73,7 @@ class ApiTest : public ::testing::Test {
   DataDir data_ = *DataDir::Open(dir_.path());
   std::unique_ptr<JobStore> store_ = *OpenSqliteJobStore(data_.database());
   std::unique_ptr<BlobStore> blobs_ = *OpenDiskBlobStore(data_.blobs());
+  const InstallationMarker marker_{*store_->InstallationId(), data_.blobs(), blobs_.get()};
   Jobs jobs_{store_.get(), blobs_.get(), data_};
   Leases leases_{store_.get(), blobs_.get()};
   std::unique_ptr<Engine> engine_ = MakeFakeEngine();
