@@ -20,12 +20,12 @@
 namespace litags {
 namespace {
 
-// A connection to the page that takes in little by itself.
+// A connection to the page. Unread, the kernel takes in a part of a picture only: with buffers as
+// they are, since with a small one it may let a transfer that is read stand for 20 s.
 class Browser {
  public:
   Browser(int port, const std::string& token, const std::string& path, const std::string& body)
       : socket_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    SetReceiveBuffer(4096);
     sockaddr_in address = {};
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
@@ -38,10 +38,8 @@ class Browser {
               static_cast<ssize_t>(request.size()));
   }
 
-  // What has come until the server ends the connection. With a small buffer the kernel may let a
-  // transfer stand for so long that the server gives it up.
+  // What has come until the server ends the connection.
   std::string ReadAll() {
-    SetReceiveBuffer(1 << 20);
     std::string all, piece(1 << 20, '\0');
     while (true) {
       const ssize_t size = read(socket_.get(), piece.data(), piece.size());
@@ -51,10 +49,6 @@ class Browser {
   }
 
  private:
-  void SetReceiveBuffer(int bytes) {
-    setsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &bytes, sizeof(bytes));
-  }
-
   UniqueFd socket_;
 };
 

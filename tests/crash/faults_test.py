@@ -435,10 +435,11 @@ class Ends(FaultTest):
         program = deployment.Process(self.folder, [self.script("program", f"""
             trap 'echo "{at_end}"; exit {exit_code}' TERM
             echo ready
-            while :; do sleep 0.02; done""")]).start()
-        self.addCleanup(program.process.kill)
+            while :; do sleep 0.02; done""")])
+        open(program.log_path, "w").close()
+        self.addCleanup(program.start().process.kill)
         deadline = time.monotonic() + deployment.PATIENCE_S
-        while not program.log().endswith("ready\n"):
+        while program.log() != "ready\n":
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.02)
         return program
