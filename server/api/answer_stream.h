@@ -47,9 +47,12 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
     if (!accepted.ok()) End(accepted);
   }
 
-  enum class Made { kMessage, kEnd, kLater };
+  enum class Made { kMessage, kLater };
   // Makes the next message. kLater: it cannot yet, and calls GoOn() when it can. On the pool.
   virtual absl::StatusOr<Made> Next(Message* message) = 0;
+  // Whether there is no next message. The end needs no room: a client that reads it first, and then
+  // another answer which has taken the room, would wait for itself.
+  virtual bool IsDone() const = 0;
   // OK if there is room for what Next() makes; else it is asked again in a moment.
   virtual absl::Status CheckRoom() { return call_->CheckRoom(); }
 
@@ -66,12 +69,13 @@ class AnswerStream : public grpc::ServerWriteReactor<Message> {
  private:
   void Step() {
     if (cancel_.IsCancelled()) return End(CallCancelled());
+    if (IsDone()) return End(absl::OkStatus());
     if (const absl::Status known = call_->CheckToken(); !known.ok()) return End(known);
     if (const absl::Status room = CheckRoom(); !room.ok()) return AwaitRoom(room);
     waited_seconds_ = 0;
     const absl::StatusOr<Made> made = Next(&message_);
-    if (made.ok() && *made == Made::kLater) return;  // another thread may be at it by now
-    if (!made.ok() || *made == Made::kEnd) return End(made.status());
+    if (!made.ok()) return End(made.status());
+    if (*made == Made::kLater) return;  // another thread may be at it by now
     call_->Hold(static_cast<int64_t>(message_.ByteSizeLong()));
     timer_.Start(call_->SecondsToRead(), [this] { CutOff(context_); });
     BeforeStart(this);

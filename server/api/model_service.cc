@@ -160,7 +160,6 @@ class ExportStream : public SceneStream<v1::ExportModelResponse> {
       MoveTo(sends_);
       return Made::kMessage;
     }
-    if (sent_bytes_ == file_bytes_) return Made::kEnd;
     std::string* chunk = message->mutable_chunk();
     chunk->resize(std::min(kChunkBytes, static_cast<size_t>(file_bytes_ - sent_bytes_)));
     file_.read(chunk->data(), static_cast<std::streamsize>(chunk->size()));
@@ -169,6 +168,8 @@ class ExportStream : public SceneStream<v1::ExportModelResponse> {
     sent_bytes_ += static_cast<int64_t>(chunk->size());
     return Made::kMessage;
   }
+
+  bool IsDone() const override { return file_.is_open() && sent_bytes_ == file_bytes_; }
 
   absl::Status CheckRoom() override {
     if (file_.is_open() || room_->IsFor(call().client().name)) return AnswerStream::CheckRoom();

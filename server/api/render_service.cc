@@ -55,11 +55,9 @@ class PathStream : public SceneStream<v1::RenderPathResponse> {
 
  private:
   absl::StatusOr<Made> Next(v1::RenderPathResponse* message) override {
-    if (resolved_ && next_ == cameras_.size()) return Made::kEnd;
     LITAGS_ASSIGN_OR_RETURN(const auto scene, GetScene(request_.name()));
     if (!scene) return Made::kLater;
     if (!resolved_) LITAGS_RETURN_IF_ERROR(Resolve(*scene));
-    if (next_ == cameras_.size()) return Made::kEnd;
     const int frame = static_cast<int>(next_), frames = static_cast<int>(cameras_.size());
     message->Clear();
     message->set_frame(frame);
@@ -72,6 +70,8 @@ class PathStream : public SceneStream<v1::RenderPathResponse> {
         Render(call(), *scene, render, request_.settings(), message->mutable_view()));
     return Made::kMessage;
   }
+
+  bool IsDone() const override { return resolved_ && next_ == cameras_.size(); }
 
   absl::Status Resolve(const Scene& scene) {
     LITAGS_ASSIGN_OR_RETURN(content_, ResolvePathContent(request_));

@@ -20,8 +20,7 @@
 namespace litags {
 namespace {
 
-// A connection to the page. Unread, the kernel takes in a part of a picture only: with buffers as
-// they are, since with a small one it may let a transfer that is read stand for 20 s.
+// A connection to the page. Unread, the kernel takes in a part of a picture only.
 class Browser {
  public:
   Browser(int port, const std::string& token, const std::string& path, const std::string& body)
@@ -146,6 +145,28 @@ TEST_F(UnreadPages, WithoutRoomPathsWaitAndPicturesAreRefused) {
   EXPECT_TRUE(first.ReadAll().ends_with("event: end\ndata: {}\n\n\r\n0\r\n\r\n"));
   EXPECT_TRUE(second.ReadAll().ends_with("event: end\ndata: {}\n\n\r\n0\r\n\r\n"));
   EXPECT_TRUE(BecomesRefused("alice", false));
+}
+
+TEST_F(UnreadPages, APathThatIsReadEndsThoughAnotherAnswerTookTheRoom) {
+  constexpr int64_t kPictureBytes = 24'000'000;
+  grpc::ClientContext call;
+  call.AddMetadata("authorization", "Bearer " + tokens_.at("alice"));
+  v1::RenderPathRequest request;
+  request.set_name(job_);
+  request.set_frames(1);
+  request.mutable_orbit()->set_radius_scale(1);
+  request.mutable_settings()->set_width(1000);
+  request.mutable_settings()->set_height(1000);
+  request.mutable_settings()->set_format(v1::PICTURE_FORMAT_RAW_FLOAT);
+  const auto stub = v1::RenderService::NewStub(server_->InProcessChannel());
+  const auto path = stub->RenderPath(&call, request);
+  ASSERT_TRUE(BecomesRefused("alice", true));
+  server_->unread()->Add("alice", kPictureBytes);
+  v1::RenderPathResponse frame;
+  EXPECT_TRUE(path->Read(&frame));
+  EXPECT_FALSE(path->Read(&frame));
+  EXPECT_TRUE(path->Finish().ok());
+  server_->unread()->Add("alice", -kPictureBytes);
 }
 
 }  // namespace
