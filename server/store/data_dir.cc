@@ -6,7 +6,9 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <filesystem>
+#include <thread>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -18,6 +20,10 @@ namespace litags {
 namespace fs = std::filesystem;
 
 namespace {
+
+// For a second.
+constexpr int kLockTries = 21;
+constexpr std::chrono::milliseconds kBetweenLockTries{50};
 
 absl::Status Unusable(const DataDir& dir, const std::error_code& error) {
   return MakeError(absl::StatusCode::kFailedPrecondition, "DATA_DIR_UNUSABLE", "data",
@@ -71,7 +77,10 @@ void DataDir::EmptyTmp(double quiet_seconds) const {
 absl::StatusOr<std::unique_ptr<DataDirLock>> DataDirLock::Take(const DataDir& dir) {
   const int fd = open((dir.root + "/server.lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   if (fd < 0) return Unusable(dir, LastError());
-  if (flock(fd, LOCK_EX | LOCK_NB) == 0) return std::unique_ptr<DataDirLock>(new DataDirLock(fd));
+  for (int tries = 1; tries <= kLockTries; ++tries) {
+    if (flock(fd, LOCK_EX | LOCK_NB) == 0) return std::unique_ptr<DataDirLock>(new DataDirLock(fd));
+    if (tries < kLockTries) std::this_thread::sleep_for(kBetweenLockTries);
+  }
   close(fd);
   return MakeError(absl::StatusCode::kFailedPrecondition, "DATA_DIR_IN_USE", "data",
                    absl::StrCat("another litags-server uses ", dir.root,

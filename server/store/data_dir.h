@@ -40,7 +40,8 @@ struct DataDir {
 // One server per data folder: held while it lives, given up by the kernel if the process dies.
 class DataDirLock {
  public:
-  // FAILED_PRECONDITION (DATA_DIR_IN_USE) if another process holds it.
+  // FAILED_PRECONDITION (DATA_DIR_IN_USE) if another process holds it for a second: what a server
+  // was starting when it was killed has the lock until it runs a program of its own.
   static absl::StatusOr<std::unique_ptr<DataDirLock>> Take(const DataDir& dir);
   ~DataDirLock();
 

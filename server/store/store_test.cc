@@ -94,5 +94,18 @@ TEST(DataDirectory, OneThatCannotBeLockedIsNotInUse) {
   EXPECT_EQ(Reason(DataDirLock::Take(data).status()), "DATA_DIR_UNUSABLE");
 }
 
+TEST(DataDirectory, ALockThatIsLetGoInAMomentIsWaitedFor) {
+  TempDir dir;
+  const DataDir data = *DataDir::Open(dir.path());
+  auto held = *DataDirLock::Take(data);
+  EXPECT_EQ(Reason(DataDirLock::Take(data).status()), "DATA_DIR_IN_USE");
+  std::thread ending([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    held.reset();
+  });
+  EXPECT_TRUE(DataDirLock::Take(data).ok());
+  ending.join();
+}
+
 }  // namespace
 }  // namespace litags

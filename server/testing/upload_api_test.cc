@@ -35,6 +35,15 @@ class UploadApi : public ApiTest {
  protected:
   // What the service answers to the upload of one file into a new job.
   grpc::Status UploadOne(const TestFile& file) { return client_.Upload(NewJob(), {file}); }
+
+  v1::ListFilesResponse FilesOf(const std::string& job) {
+    v1::ListFilesRequest request;
+    request.set_name(job);
+    v1::ListFilesResponse files;
+    grpc::ClientContext context;
+    EXPECT_TRUE(client_.jobs->ListFiles(&context, request, &files).ok());
+    return files;
+  }
 };
 
 TEST_F(UploadApi, PhotosThatAreNoneAreRefusedByName) {
@@ -109,11 +118,7 @@ TEST_F(UploadApi, FilesTellWhatWasFoundInPhotosAndWhichAreLeftOut) {
                                 {"d.png", *EncodePng(grey)},
                                 {"a.png", TestMask(), v1::FILE_ROLE_MASK}})
                   .ok());
-  v1::ListFilesRequest request;
-  request.set_name(job);
-  v1::ListFilesResponse files;
-  grpc::ClientContext context;
-  ASSERT_TRUE(client_.jobs->ListFiles(&context, request, &files).ok());
+  const v1::ListFilesResponse files = FilesOf(job);
   std::map<std::string, v1::PhotoFindings> found;
   for (const v1::JobFile& file : files.files()) {
     EXPECT_EQ(file.has_found(), file.role() == v1::FILE_ROLE_PHOTO);
@@ -145,11 +150,7 @@ TEST_F(UploadApi, OfCopiesTheOneThatCamerasNameIsNotLeftOut) {
                                 {"another_long_name_2.pfm", EncodePfm(Planes(1, 48, 64)),
                                  v1::FILE_ROLE_DEPTH}})
                   .ok());
-  v1::ListFilesRequest request;
-  request.set_name(job);
-  v1::ListFilesResponse files;
-  grpc::ClientContext context;
-  ASSERT_TRUE(client_.jobs->ListFiles(&context, request, &files).ok());
+  const v1::ListFilesResponse files = FilesOf(job);
   std::vector<std::string> left_out;
   for (const v1::JobFile& file : files.files()) {
     if (!file.found().left_out().empty()) left_out.push_back(file.file_name());
