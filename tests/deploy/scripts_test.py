@@ -3,10 +3,13 @@
 import gzip
 import os
 import pty
+import select
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 DEPLOY = os.environ["LITAGS_DEPLOY"]
@@ -152,11 +155,15 @@ server.serve_forever()
             os.chdir(self.at("root"))
             os.execve("/bin/bash", ["bash", "deploy/quickstart", self.at("out")], self.environment)
         said = b""
+        end = time.monotonic() + PATIENCE_S
         try:
-            while part := os.read(terminal, 4096):
-                if b"Enter ends" in part:
+            while time.monotonic() < end:
+                if select.select([terminal], [], [], 0.2)[0]:
+                    said += os.read(terminal, 4096)
+                elif b"Enter ends" in said:
+                    # Again if nothing comes of it: bash forgets a Ctrl-C just before it begins to read.
                     os.write(terminal, key)
-                said += part
+            os.killpg(pid, signal.SIGKILL)
         except OSError:
             pass  # its end
         os.close(terminal)
