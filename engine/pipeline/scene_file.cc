@@ -33,12 +33,17 @@ Json ViewToJson(const View& view) {
           {"viewmat", c.Viewmat()}};
 }
 
+// get<int>() of a 6e49 is undefined; this throws unless the number is whole.
+int IntFromJson(const Json& json) {
+  return static_cast<int>(json.get_ref<const Json::number_integer_t&>());
+}
+
 View ViewFromJson(const Json& json) {
   View view;
   view.name = json.at("name").get<std::string>();
   Camera& c = view.camera;
-  c.width = json.at("size").at(0).get<int>();
-  c.height = json.at("size").at(1).get<int>();
+  c.width = IntFromJson(json.at("size").at(0));
+  c.height = IntFromJson(json.at("size").at(1));
   c.fx = json.at("K").at(0).get<double>();
   c.fy = json.at("K").at(1).get<double>();
   c.cx = json.at("K").at(2).get<double>();
@@ -95,10 +100,10 @@ Json PdmToJson(const PdmOptions& p) {
 }
 
 PdmOptions PdmFromJson(const Json& json) {
-  return {.stages = json.at("stages").get<int>(),
-          .hidden = json.at("hidden").get<int>(),
+  return {.stages = IntFromJson(json.at("stages")),
+          .hidden = IntFromJson(json.at("hidden")),
           .shared = json.at("shared").get<bool>(),
-          .filter_size = json.at("filter_size").get<int>(),
+          .filter_size = IntFromJson(json.at("filter_size")),
           .filter_sigma = json.at("filter_sigma").get<float>(),
           .border = json.at("zero_border").get<bool>() ? PdmBorder::kZero : PdmBorder::kReflect101,
           .clamp_R = json.at("clamp_R").get<bool>()};
@@ -116,9 +121,9 @@ absl::Status ReadMeta(const Container& file, const std::string& path, Model* mod
     model->use_pdm = json.at("use_pdm").get<bool>();
     const bool antialiased = file.version() >= 2 && json.at("antialiased").get<bool>();
     model->pixel_filter = antialiased ? PixelFilter::kMip : PixelFilter::kDilate;
-    model->sh_degree = json.at("sh_degree").get<int>();
-    model->iteration = json.at("iteration").get<int>();
-    const auto gaussians = json.at("gaussians").get<size_t>();
+    model->sh_degree = IntFromJson(json.at("sh_degree"));
+    model->iteration = IntFromJson(json.at("iteration"));
+    const size_t gaussians = json.at("gaussians").get_ref<const Json::number_unsigned_t&>();
     // Before Resize, so that a wrong number cannot ask for all the memory there is.
     const size_t blocks = gaussians / kSplatBlock + (gaussians % kSplatBlock != 0);
     if (blocks != splats.size() / (Splats::kBlockFloats * sizeof(float))) {
@@ -127,7 +132,7 @@ absl::Status ReadMeta(const Container& file, const std::string& path, Model* mod
     model->splats.Resize(gaussians);
     for (const Json& view : json.at("views")) views->push_back(ViewFromJson(view));
     model->pdm_options = PdmFromJson(json.at("pdm"));
-    *nets = json.at("pdm").at("nets").get<size_t>();
+    *nets = json.at("pdm").at("nets").get_ref<const Json::number_unsigned_t&>();
     if (file.version() > kWithoutOrigin) json.at("origin").get_to(model->origin);
     if (file.version() > kWithoutNearPlane) json.at("near_plane").get_to(model->near_plane);
     if (json.contains("noise")) model->noise = json.at("noise").get<NoiseCurve>();

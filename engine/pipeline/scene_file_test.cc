@@ -283,6 +283,11 @@ TEST_F(ChangedScene, IsCorruptIfItsPartsDoNotFit) {
       {"a negative number", [](Json* m, std::string*) { (*m)["gaussians"] = -1; }},
       {"no number", [](Json* m, std::string*) { m->erase("gaussians"); }},
       {"a text for a number", [](Json* m, std::string*) { (*m)["gaussians"] = "37"; }},
+      {"a size beyond every integer",
+       [](Json* m, std::string*) {
+         (*m)["views"][1]["size"] = {64, 6.4e49};
+       }},
+      {"half an iteration", [](Json* m, std::string*) { (*m)["iteration"] = 0.5; }},
       {"half a Gaussian more", [](Json*, std::string* s) { s->append(100, '\0'); }},
       {"a Gaussian cut short", [](Json*, std::string* s) { s->resize(s->size() - 4); }},
       {"a colour that is not a number",
