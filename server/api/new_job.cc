@@ -46,7 +46,8 @@ bool HasAll(const v1::JobOptions& options) {
   return static_cast<int>(fields.size()) == options.GetDescriptor()->field_count();
 }
 
-// Equal requests have equal digests, whatever order their maps are in.
+}  // namespace
+
 std::string DigestOf(const google::protobuf::Message& request) {
   std::string bytes;
   {
@@ -57,8 +58,6 @@ std::string DigestOf(const google::protobuf::Message& request) {
   }
   return Sha256::Hex(bytes);
 }
-
-}  // namespace
 
 absl::Status CheckRequestId(const std::string& request_id) {
   if (request_id.size() > kMaxRequestIdLength) {

@@ -14,6 +14,9 @@ namespace litags {
 // INVALID_ARGUMENT (REQUEST_ID_INVALID, TEXT_INVALID).
 absl::Status CheckRequestId(const std::string& request_id);
 
+// Equal requests have equal digests, whatever order their maps are in.
+std::string DigestOf(const google::protobuf::Message& request);
+
 // INVALID_ARGUMENT, naming the field.
 absl::StatusOr<NewJob> NewJobOf(const v1::CreateJobRequest& request);
 // Of a clone of `source`, which has what the request leaves out.

@@ -75,6 +75,11 @@ grpc::ServerUnaryReactor* ReconstructionServiceImpl::CloneJob(Context* context,
                                                               v1::Job* response) {
   const auto work = [=](Call& call, const CancelToken& cancel) -> absl::Status {
     LITAGS_ASSIGN_OR_RETURN(const std::string id, ParseJobName(request->name()));
+    LITAGS_RETURN_IF_ERROR(CheckRequestId(request->request_id()));
+    // The source may be gone since.
+    LITAGS_ASSIGN_OR_RETURN(const auto made,
+                            call.jobs()->MadeBy(request->request_id(), DigestOf(*request)));
+    if (made && made->clone_source.empty()) return Answer(*call.jobs(), *made, response);
     LITAGS_ASSIGN_OR_RETURN(const JobRecord source, call.jobs()->Get(id));
     LITAGS_ASSIGN_OR_RETURN(const NewJob wanted, NewJobOf(*request, source));
     const auto job = call.jobs()->Clone(id, wanted, cancel);

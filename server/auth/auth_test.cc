@@ -4,6 +4,10 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <thread>
 
@@ -90,6 +94,29 @@ TEST(Tokens, FileIsPrivateAndHoldsNoToken) {
   EXPECT_EQ(table.Find(*token), "alice");
   EXPECT_EQ(Reason(AddTokenToFile("a/b", path).status()), "CLIENT_NAME_INVALID");
   EXPECT_EQ(Reason(AddTokenToFile("a", dir.path() + "/no/tokens").status()), "TOKENS_NOT_WRITTEN");
+}
+
+TEST(Tokens, AFileWithoutRoomForAnEntryStaysAsItWas) {
+  TempDir dir;
+  const std::string path = dir.path() + "/tokens";
+  ASSERT_TRUE(AddTokenToFile("alice", path).ok());
+  const auto size = std::filesystem::file_size(path);
+  const auto add_within = [&](rlim_t bytes) {
+    rlimit limit = {}, most = {};
+    getrlimit(RLIMIT_FSIZE, &most);
+    limit = {bytes, most.rlim_max};
+    const auto handler = signal(SIGXFSZ, SIG_IGN);
+    setrlimit(RLIMIT_FSIZE, &limit);
+    const absl::Status status = AddTokenToFile("bob", path).status();
+    setrlimit(RLIMIT_FSIZE, &most);
+    signal(SIGXFSZ, handler);
+    return status;
+  };
+  const absl::Status half = add_within(size + 20), none = add_within(size);
+  EXPECT_EQ(Reason(half), "TOKENS_NOT_WRITTEN");
+  EXPECT_THAT(std::string(half.message()), HasSubstr(std::strerror(ENOSPC)));
+  EXPECT_THAT(std::string(none.message()), HasSubstr(std::strerror(EFBIG)));
+  EXPECT_EQ(std::filesystem::file_size(path), size);
 }
 
 TEST(Tokens, WhatHelpsAgainstAFileThatCannotBeReadIsToldByWhy) {

@@ -22,11 +22,18 @@ constexpr size_t kMaxNameLength = 64;
 constexpr size_t kDigestLength = 64;
 constexpr std::string_view kDigestMark = ":sha256:";
 
-// Whether the last line of the file lacks its newline, as some editors leave it.
-bool EndsWithinALine(int fd) {
-  char last = '\n';
+// At the end of a file, whose last line may lack its newline, as some editors leave it. Returns
+// errno: the file is then as it was, since half an entry would make all of it invalid.
+int AppendLine(int fd, const std::string& text) {
   const off_t size = lseek(fd, 0, SEEK_END);
-  return size > 0 && pread(fd, &last, 1, size - 1) == 1 && last != '\n';
+  char last = '\n';
+  if (size < 0 || (size > 0 && pread(fd, &last, 1, size - 1) < 0)) return errno;
+  const std::string line = absl::StrCat(last != '\n' ? "\n" : "", text, "\n");
+  const ssize_t written = write(fd, line.data(), line.size());
+  if (written == static_cast<ssize_t>(line.size()) && fsync(fd) == 0) return 0;
+  const bool is_short = written >= 0 && written < static_cast<ssize_t>(line.size());
+  const int error = is_short ? ENOSPC : errno;
+  return ftruncate(fd, size) == 0 ? error : errno;
 }
 
 }  // namespace
@@ -102,19 +109,12 @@ absl::StatusOr<std::string> AddTokenToFile(std::string_view name, const std::str
   LITAGS_RETURN_IF_ERROR(CheckClientName(name, "NAME"));
   const std::string token = MakeToken();
   const int fd = open(path.c_str(), O_RDWR | O_APPEND | O_CREAT | O_CLOEXEC, 0600);
-  const std::string line =
-      absl::StrCat(fd >= 0 && EndsWithinALine(fd) ? "\n" : "", TokenEntry(name, token), "\n");
-  const bool written = fd >= 0 &&
-                       write(fd, line.data(), line.size()) == static_cast<ssize_t>(line.size()) &&
-                       fsync(fd) == 0;
-  const int error = errno;
+  const int error = fd < 0 ? errno : AppendLine(fd, TokenEntry(name, token));
   if (fd >= 0) close(fd);
-  if (!written) {
-    return MakeError(absl::StatusCode::kFailedPrecondition, "TOKENS_NOT_WRITTEN", "--tokens",
-                     absl::StrCat("cannot add a token to ", path, ": ", std::strerror(error),
-                                  "; check that the folder exists and may be written"));
-  }
-  return token;
+  if (error == 0) return token;
+  return MakeError(absl::StatusCode::kFailedPrecondition, "TOKENS_NOT_WRITTEN", "--tokens",
+                   absl::StrCat("cannot add a token to ", path, ": ", std::strerror(error),
+                                "; check that the folder exists, has room and may be written"));
 }
 
 }  // namespace litags

@@ -34,6 +34,12 @@ absl::StatusOr<JobRecord> ClientJobStore::Get(std::string_view id) {
   return job;
 }
 
+absl::StatusOr<std::optional<JobRecord>> ClientJobStore::FindRequest(
+    const std::string& owner, const std::string& request_id) {
+  if (!view_.sees_all && owner != view_.owner) return std::nullopt;
+  return store_->FindRequest(owner, request_id);
+}
+
 absl::StatusOr<std::vector<JobRecord>> ClientJobStore::List(int64_t after_time_ms,
                                                             std::string_view after_id, int limit,
                                                             const std::optional<std::string>& owner,

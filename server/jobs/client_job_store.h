@@ -34,6 +34,8 @@ class ClientJobStore : public ClientStore {
 
   absl::StatusOr<JobRecord> Create(const JobRecord& job, Change change) override;
   absl::StatusOr<JobRecord> Get(std::string_view id) override;
+  absl::StatusOr<std::optional<JobRecord>> FindRequest(const std::string& owner,
+                                                       const std::string& request_id) override;
   absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
                                               int limit, const std::optional<std::string>& owner,
                                               ListOrder order) override;

@@ -171,6 +171,34 @@ TEST_F(DetailsTest, ACloneThatIsCancelledGoesOnWhereItWas) {
   EXPECT_EQ(links, 3);
 }
 
+TEST_F(DetailsTest, ACloneThatHasHadAllFilesTakesNoneAgain) {
+  const std::string id = UploadedJob(jobs_);
+  NewJob wanted;
+  wanted.request_id = "once";
+  const auto clone = jobs_.Clone(id, wanted);
+  ASSERT_TRUE(clone.ok()) << clone.status();
+  ASSERT_TRUE(*jobs_.uploads().Remove(clone->id, FileRole::kPhoto, "b.jpg"));
+  ASSERT_TRUE(Add(jobs_, id, "d.jpg").ok());
+  EXPECT_EQ(jobs_.Clone(id, wanted)->id, clone->id);
+  EXPECT_THAT(Names(clone->id), ElementsAre("a.jpg", "c.jpg"));
+}
+
+TEST_F(DetailsTest, WhatACallMadeItReturnsAgainAlsoUnderALowerCap) {
+  ClientView view;
+  NewJob wanted;
+  wanted.request_id = "once";
+  wanted.request_digest = "00ff";
+  wanted.options.iterations = 100;
+  const auto made = jobs_.For(view)->Create(wanted);
+  ASSERT_TRUE(made.ok()) << made.status();
+  view.caps.max_iterations = 50;
+  const auto again = jobs_.For(view)->Create(wanted);
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(again->id, made->id);
+  wanted.request_digest = "0100";
+  EXPECT_EQ(Reason(jobs_.For(view)->Create(wanted).status()), "JOB_CAP_EXCEEDED");
+}
+
 // More than go into one change of the store.
 TEST_F(DetailsTest, ACloneOfManyFilesHasThemAll) {
   const std::string id = UploadedJob(jobs_);

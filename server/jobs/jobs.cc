@@ -77,7 +77,18 @@ std::shared_ptr<Jobs> Jobs::For(ClientView view) const {
   return {owned, &owned->jobs};
 }
 
+absl::StatusOr<std::optional<JobRecord>> Jobs::MadeBy(const std::string& request_id,
+                                                      const std::string& request_digest) {
+  if (request_id.empty() || request_digest.empty()) return std::nullopt;
+  LITAGS_ASSIGN_OR_RETURN(auto job, store_->FindRequest(view_.owner, request_id));
+  if (job && job->request_digest != request_digest) return std::nullopt;
+  return job;
+}
+
 absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
+  // Before the checks: the operator may have lowered a cap since.
+  LITAGS_ASSIGN_OR_RETURN(const auto before, MadeBy(wanted.request_id, wanted.request_digest));
+  if (before) return *before;
   LITAGS_RETURN_IF_ERROR(CheckLabels(wanted.labels));
   LITAGS_RETURN_IF_ERROR(CheckWebhook(wanted.webhook, webhooks_));
   LITAGS_RETURN_IF_ERROR(view_.caps.Check(wanted.options, wanted.policy));
@@ -90,6 +101,7 @@ absl::StatusOr<JobRecord> Jobs::Create(const NewJob& wanted) {
   job.labels = Encode(wanted.labels);
   job.webhook = Encode(wanted.webhook);
   job.content_digest = wanted.content_digest;
+  job.clone_source = wanted.clone_source;
   job.options = Encode(wanted.options);
   job.policy = Encode(wanted.policy);
   job.priority = wanted.policy.priority;
@@ -131,6 +143,7 @@ absl::StatusOr<JobRecord> Jobs::Clone(std::string_view id, const NewJob& asked,
   std::stable_partition(files.begin(), files.end(),
                         [](const FileRecord& f) { return f.role != FileRole::kArchive; });
   NewJob wanted = asked;
+  wanted.clone_source = source.id;
   LITAGS_ASSIGN_OR_RETURN(const JobPolicy policy, PolicyOf(source));
   // An administrator may have raised it.
   if (wanted.policy.priority == policy.priority) {
@@ -141,15 +154,18 @@ absl::StatusOr<JobRecord> Jobs::Clone(std::string_view id, const NewJob& asked,
     wanted.policy.max_run_seconds = std::min(policy.max_run_seconds, view_.caps.max_run_seconds);
   }
   LITAGS_ASSIGN_OR_RETURN(const JobRecord clone, Create(wanted));
-  // Of a call that was repeated.
-  if (clone.state != JobState::kUploading) return clone;
+  // Of a call that was repeated. Once the clone has had all files, they are its client's to change.
+  if (clone.state != JobState::kUploading || clone.clone_source.empty()) return clone;
   const auto key = [](const FileRecord& f) { return std::tuple(f.role, f.name, f.sha256); };
   LITAGS_ASSIGN_OR_RETURN(const std::vector<FileRecord> cloned, store_->Files(clone.id));
   std::set<std::tuple<FileRole, std::string, std::string>> there;
   for (const FileRecord& file : cloned) there.insert(key(file));
   std::erase_if(files, [&](const FileRecord& file) { return there.contains(key(file)); });
   LITAGS_RETURN_IF_ERROR(uploads_.AdoptFrom(source.id, clone.id, files, cancel));
-  return store_->Get(clone.id);
+  return store_->Update(clone.id, [](JobTransaction& transaction) {
+    transaction.job.clone_source.clear();
+    return absl::OkStatus();
+  });
 }
 
 absl::StatusOr<std::optional<KeptFile>> Jobs::SceneOf(const JobRecord& job) {

@@ -40,6 +40,7 @@ struct NewJob {
   JobPolicy policy;
   // Of the request as it was sent; empty: requests are compared by what they made.
   std::string request_digest = {};
+  std::string clone_source = {};  // id of the job that is cloned; empty: none
   Labels labels = {};
   Webhook webhook = {};
 };
@@ -70,6 +71,11 @@ class Jobs {
   // stores.
   std::shared_ptr<Jobs> For(ClientView view) const;
 
+  // The job that this client's same call made before; nullopt: none, or not the same.
+  absl::StatusOr<std::optional<JobRecord>> MadeBy(const std::string& request_id,
+                                                  const std::string& request_digest);
+
+  // The job that the same request made before, whatever has changed since.
   // ALREADY_EXISTS (REQUEST_ID_REUSED) if the id was used for another request; errors of
   // JobCaps::Check().
   absl::StatusOr<JobRecord> Create(const NewJob& job);

@@ -44,6 +44,7 @@ struct JobRecord {
   // Of the call that queued it last, so that the same call is known again; empty: none.
   std::string start_request_id;
   std::string content_digest;  // what the creator said would be uploaded; empty: nothing said
+  std::string clone_source;    // id of the job whose files it has yet to take; empty: none
   JobState state = JobState::kUploading;
   bool cancel_requested = false;
   int attempt = 0;    // leases since it was last queued by a user
@@ -241,6 +242,10 @@ class ClientStore {
   virtual absl::StatusOr<JobRecord> Create(const JobRecord& job, Change change) = 0;
 
   virtual absl::StatusOr<JobRecord> Get(std::string_view id) = 0;
+
+  // The job of this owner and request_id; nullopt if there is none.
+  virtual absl::StatusOr<std::optional<JobRecord>> FindRequest(const std::string& owner,
+                                                               const std::string& request_id) = 0;
 
   // By creation time, then id. Starts after job `after_id` that was created at `after_time_ms`; 0
   // and "" for the first page. Only jobs of `owner`; nullopt: of all.

@@ -19,6 +19,7 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   job.owner = "alice";
   job.request_id = "req";
   job.request_digest = "00ff";
+  job.clone_source = "b1";
   job.display_name = "my \"fox\"; DROP TABLE jobs";
   job.cancel_requested = true;
   job.attempt = 2;
@@ -43,6 +44,7 @@ TEST_F(JobStoreConformance, EveryFieldSurvivesWritingAndReopening) {
   EXPECT_EQ(read->owner, "alice");
   EXPECT_EQ(read->request_id, job.request_id);
   EXPECT_EQ(read->request_digest, job.request_digest);
+  EXPECT_EQ(read->clone_source, job.clone_source);
   EXPECT_EQ(read->display_name, job.display_name);
   EXPECT_EQ(read->state, job.state);
   EXPECT_TRUE(read->cancel_requested);
@@ -85,6 +87,9 @@ TEST_F(JobStoreConformance, OwnersHaveRequestIdsListsAndSumsOfTheirOwn) {
   hers.request_id = his.request_id = "same";
   ASSERT_TRUE(store_->Create(hers, Nothing).ok());
   EXPECT_EQ(store_->Create(his, Nothing)->id, "b1");
+  EXPECT_EQ((*store_->FindRequest("bob", "same"))->id, "b1");
+  EXPECT_FALSE(store_->FindRequest("bob", "other")->has_value());
+  EXPECT_FALSE(store_->FindRequest("bob", "")->has_value());
   ASSERT_TRUE(store_->Create(his_next, Nothing).ok());
   const auto ids = [&](const std::optional<std::string>& owner) {
     std::vector<std::string> ids;

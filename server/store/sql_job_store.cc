@@ -30,6 +30,11 @@ absl::StatusOr<JobRecord> SqlJobStore::Get(std::string_view id) {
   return Answer([&](SqlSession& sql) { return SelectJob(sql, id); });
 }
 
+absl::StatusOr<std::optional<JobRecord>> SqlJobStore::FindRequest(const std::string& owner,
+                                                                  const std::string& request_id) {
+  return Answer([&](SqlSession& sql) { return SelectByRequest(sql, owner, request_id); });
+}
+
 absl::StatusOr<std::vector<JobRecord>> SqlJobStore::List(int64_t after_time_ms,
                                                          std::string_view after_id, int limit,
                                                          const std::optional<std::string>& owner,

@@ -25,6 +25,7 @@ void VisitColumns(Record& job, F&& f) {
   f("create_time_ms", Column::kFixed, job.create_time_ms);
   f("display_name", Column::kChanges, job.display_name);
   f("labels", Column::kChanges, job.labels);
+  f("clone_source", Column::kChanges, job.clone_source);
   f("start_request_id", Column::kChanges, job.start_request_id);
   f("state", Column::kChanges, job.state);
   f("cancel_requested", Column::kChanges, job.cancel_requested);

@@ -37,6 +37,20 @@ TEST_F(CloneApi, ACloneNeedsNoPhotosAgain) {
             v1::JOB_STATE_SUCCEEDED);
 }
 
+TEST_F(CloneApi, ARepeatedCallKnowsItsCloneAlsoWhenTheSourceIsGone) {
+  v1::CloneJobRequest request;
+  request.set_name(NewJob());
+  request.set_request_id("once");
+  v1::Job clone, again;
+  ASSERT_TRUE(Clone(request, &clone).ok());
+  ASSERT_TRUE(client_.Delete(request.name()).ok());
+  const grpc::Status status = Clone(request, &again);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_EQ(again.name(), clone.name());
+  request.set_request_id("another");
+  EXPECT_REFUSED(Clone(request, &again), NOT_FOUND, "JOB_NOT_FOUND", "name");
+}
+
 TEST_F(CloneApi, OptionsAsTheyWereReadAreWhatTheJobHas) {
   const auto clone = [&](const std::string& name, const v1::JobOptions& options) {
     v1::CloneJobRequest request;

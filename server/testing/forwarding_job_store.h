@@ -19,6 +19,10 @@ class ForwardingJobStore : public JobStore {
     return store_.Create(job, change);
   }
   absl::StatusOr<JobRecord> Get(std::string_view id) override { return store_.Get(id); }
+  absl::StatusOr<std::optional<JobRecord>> FindRequest(const std::string& owner,
+                                                       const std::string& request_id) override {
+    return store_.FindRequest(owner, request_id);
+  }
   absl::StatusOr<std::vector<JobRecord>> List(int64_t after_time_ms, std::string_view after_id,
                                               int limit, const std::optional<std::string>& owner,
                                               ListOrder order) override {
