@@ -47,6 +47,9 @@ TEST(ParsePose, ReadsAMatrixFromAFile) {
 }
 
 TEST(ParsePose, SaysWhyAFileCannotBeRead) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "UBSan needs descriptors to see whether memory is there";
+#endif
   const auto path = std::filesystem::temp_directory_path() / ("pose-" + RandomId());
   std::ofstream(path) << "1 0 0 0";
   rlimit limit = {};
