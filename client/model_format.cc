@@ -85,7 +85,10 @@ absl::Status CheckEnding(const std::string& path, v1::ModelFormat format) {
   for (const auto& [ending, of] : kEndings) {
     const std::string last(std::strrchr(ending, '.'));
     if (of == format) right = last;
-    if (absl::EndsWithIgnoreCase(path, last)) given = last;
+    // The longest: x.points.ply is no .ply of Gaussians.
+    if (given.empty() && absl::EndsWithIgnoreCase(path, ending)) {
+      given = of == format ? last : ending;
+    }
   }
   if (given.empty() || given == right) return absl::OkStatus();
   return BadInput("MODEL_FORMAT_CONFLICT", "-o",

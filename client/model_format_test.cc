@@ -71,6 +71,9 @@ TEST(ModelFormat, AnEndingOfAnotherFormatIsRefused) {
             "a.spz: what is asked for is ply-full, not .spz; let the name end with .ply, or leave "
             "--format out");
   EXPECT_FALSE(CheckEnding("a.ply", v1::MODEL_FORMAT_HTML).ok());
+  EXPECT_FALSE(CheckEnding("a.compressed.ply", v1::MODEL_FORMAT_PLY).ok());
+  EXPECT_FALSE(CheckEnding("a.POINTS.ply", v1::MODEL_FORMAT_MESH_PLY).ok());
+  EXPECT_TRUE(CheckEnding("a.POINTS.ply", v1::MODEL_FORMAT_POINTS).ok());
 }
 
 TEST(ModelFormat, SaysWhatIsCounted) {

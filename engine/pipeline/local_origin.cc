@@ -44,8 +44,8 @@ void TakeAsOrigin(const std::array<double, 3>& origin, SparseModel* model) {
 std::string DescribeOrigin(const std::array<double, 3>& origin) {
   return absl::StrFormat(
       "the cameras stand far from the origin: the scene's Gaussians are kept relative to (%.12g, "
-      "%.12g, %.12g). Views are rendered in your coordinates; add this to positions of exported "
-      ".ply files",
+      "%.12g, %.12g). Views are rendered in your coordinates; an exported .ply of Gaussians "
+      "names what to add to its positions in its comment 'origin'",
       origin[0], origin[1], origin[2]);
 }
 

@@ -296,6 +296,8 @@ class Calls(harness.ServiceTest):
             self.assertEqual(format_of(name, format="MODEL_FORMAT_SPZ_V4"), "SPZ_V4")
         self.assertEqual(format_of("x.ply", format="MODEL_FORMAT_POINTS"), "POINTS")
         for name, settings, words in (
+                ("x.points.PLY", {"format": "MODEL_FORMAT_PLY"},
+                 r"MODEL_FORMAT_PLY, not \.points\.ply; .* \.ply"),
                 ("x.ply", {"format": "MODEL_FORMAT_SPZ"}, r"MODEL_FORMAT_SPZ, not \.ply; .* \.spz"),
                 ("x.glb", {"format": "MODEL_FORMAT_COLMAP"}, r"let the name end with \.zip"),
                 ("x", {}, "x ends with none of .*, or give format"),

@@ -42,8 +42,9 @@ def check_ending(path: str | os.PathLike[str], wanted: model_service_pb2.ModelFo
         last = ending[ending.rindex("."):]
         if found == wanted:
             right = last
-        if os.fspath(path).lower().endswith(last):
-            given = last
+        # The longest: x.points.ply is no .ply of Gaussians.
+        if not given and os.fspath(path).lower().endswith(ending):
+            given = last if found == wanted else ending
     if given not in ("", right):
         raise ValueError(f"{path}: what is asked for is {word}, not {given}; let the name end with "
                          f"{right}, or leave format out")
