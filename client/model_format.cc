@@ -91,9 +91,10 @@ absl::Status CheckEnding(const std::string& path, v1::ModelFormat format) {
     }
   }
   if (given.empty() || given == right) return absl::OkStatus();
+  const std::string better = path.substr(0, path.size() - given.size()) + right;
   return BadInput("MODEL_FORMAT_CONFLICT", "-o",
-                  absl::StrCat(path, ": what is asked for is ", word, ", not ", given,
-                               "; let the name end with ", right, ", or leave --format out"));
+                  absl::StrCat(path, ": what is asked for is ", word, ", not ", given, "; call it ",
+                               better, ", or leave --format out"));
 }
 
 const char* ContentOf(v1::ModelFormat format) {

@@ -1,5 +1,6 @@
 #include "client/model_format.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <set>
@@ -12,6 +13,8 @@
 
 namespace litags::client {
 namespace {
+
+using ::testing::HasSubstr;
 
 TEST(ModelFormat, EveryFormatHasAName) {
   std::set<v1::ModelFormat> formats;
@@ -68,10 +71,11 @@ TEST(ModelFormat, AnEndingOfAnotherFormatIsRefused) {
   const absl::Status status = CheckEnding("a.spz", v1::MODEL_FORMAT_PLY_FULL);
   EXPECT_EQ(DetailOf(status).reason(), "MODEL_FORMAT_CONFLICT");
   EXPECT_EQ(std::string(status.message()),
-            "a.spz: what is asked for is ply-full, not .spz; let the name end with .ply, or leave "
-            "--format out");
+            "a.spz: what is asked for is ply-full, not .spz; call it a.ply, or leave --format "
+            "out");
   EXPECT_FALSE(CheckEnding("a.ply", v1::MODEL_FORMAT_HTML).ok());
-  EXPECT_FALSE(CheckEnding("a.compressed.ply", v1::MODEL_FORMAT_PLY).ok());
+  EXPECT_THAT(std::string(CheckEnding("a.Compressed.ply", v1::MODEL_FORMAT_PLY).message()),
+              HasSubstr("is ply, not .compressed.ply; call it a.ply, or"));
   EXPECT_FALSE(CheckEnding("a.POINTS.ply", v1::MODEL_FORMAT_MESH_PLY).ok());
   EXPECT_TRUE(CheckEnding("a.POINTS.ply", v1::MODEL_FORMAT_POINTS).ok());
 }

@@ -103,9 +103,9 @@ TEST(Tokens, AFileWithoutRoomForAnEntryStaysAsItWas) {
   ASSERT_TRUE(AddTokenToFile("alice", path).ok());
   const auto size = std::filesystem::file_size(path);
   const auto add_within = [&](rlim_t bytes) {
-    rlimit limit = {}, most = {};
+    rlimit most = {};
     getrlimit(RLIMIT_FSIZE, &most);
-    limit = {bytes, most.rlim_max};
+    const rlimit limit = {bytes, most.rlim_max};
     const auto handler = signal(SIGXFSZ, SIG_IGN);
     setrlimit(RLIMIT_FSIZE, &limit);
     const absl::Status status = AddTokenToFile("bob", path).status();

@@ -55,6 +55,11 @@ TEST_F(ClientJobStoreTest, EveryCallTreatsJobsOfOthersAsNotThere) {
             "there is no job jobs/a1; ListJobs names those there are");
   EXPECT_EQ(bob_.List(0, "", 10, std::nullopt, kOrder)->size(), 1u);
   EXPECT_TRUE(bob_.List(0, "", 10, "alice", kOrder)->empty());
+  JobRecord repeatable = MakeJob("a2");
+  repeatable.request_id = "once";
+  ASSERT_TRUE(alice_.Create(repeatable, Nothing).ok());
+  EXPECT_TRUE(alice_.FindRequest("alice", "once")->has_value());
+  EXPECT_FALSE(bob_.FindRequest("alice", "once")->has_value());
 }
 
 TEST_F(ClientJobStoreTest, OwnersAndAdministratorsReachTheJob) {

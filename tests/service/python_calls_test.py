@@ -297,9 +297,9 @@ class Calls(harness.ServiceTest):
         self.assertEqual(format_of("x.ply", format="MODEL_FORMAT_POINTS"), "POINTS")
         for name, settings, words in (
                 ("x.points.PLY", {"format": "MODEL_FORMAT_PLY"},
-                 r"MODEL_FORMAT_PLY, not \.points\.ply; .* \.ply"),
-                ("x.ply", {"format": "MODEL_FORMAT_SPZ"}, r"MODEL_FORMAT_SPZ, not \.ply; .* \.spz"),
-                ("x.glb", {"format": "MODEL_FORMAT_COLMAP"}, r"let the name end with \.zip"),
+                 r"MODEL_FORMAT_PLY, not \.points\.ply; call it \S*x\.ply,"),
+                ("x.ply", {"format": "MODEL_FORMAT_SPZ"}, r"MODEL_FORMAT_SPZ, not \.ply; call it \S*x\.spz,"),
+                ("x.glb", {"format": "MODEL_FORMAT_COLMAP"}, r"call it \S*x\.zip,"),
                 ("x", {}, "x ends with none of .*, or give format"),
                 ("x.obj", {}, r"x.obj ends with none of \.compressed\.ply, ")):
             with self.assertRaisesRegex(ValueError, words):

@@ -46,5 +46,6 @@ def check_ending(path: str | os.PathLike[str], wanted: model_service_pb2.ModelFo
         if not given and os.fspath(path).lower().endswith(ending):
             given = last if found == wanted else ending
     if given not in ("", right):
-        raise ValueError(f"{path}: what is asked for is {word}, not {given}; let the name end with "
-                         f"{right}, or leave format out")
+        better = os.fspath(path)[:-len(given)] + right
+        raise ValueError(f"{path}: what is asked for is {word}, not {given}; call it {better}, or "
+                         "leave format out")
