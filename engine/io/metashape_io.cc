@@ -53,6 +53,7 @@ struct Sensor {
   std::string type;
   double width = 0, height = 0;
   bool of_a_system = false;
+  bool adjusted = false;               // lens is
   std::map<std::string, double> lens;  // f, cx, k1 ...
 };
 
@@ -121,10 +122,8 @@ class Reader {
       sensor_->of_a_system = attributes.Find("master_id") != nullptr;
       id_ = attributes.Get("id");
     } else if (name == "calibration" && sensor_.has_value()) {
-      // The adjusted one stands behind the initial one, or alone.
-      sensor_->lens.clear();
-      if (attributes.Find("type") != nullptr) sensor_->type = attributes.Get("type");
-    } else if (name == "resolution" && sensor_.has_value()) {
+      StartCalibration(attributes);
+    } else if (name == "resolution" && sensor_.has_value() && !passing_over_) {
       // Missing sides stay 0, which are refused.
       (void)absl::SimpleAtod(attributes.Get("width"), &sensor_->width);
       (void)absl::SimpleAtod(attributes.Get("height"), &sensor_->height);
@@ -146,7 +145,9 @@ class Reader {
     } else if (name == "camera" && camera_.has_value()) {
       if (posed_) document_.cameras.push_back(*std::move(camera_));
       camera_.reset();
-    } else if (parent == "calibration" && sensor_.has_value()) {
+    } else if (name == "calibration") {
+      passing_over_ = false;
+    } else if (parent == "calibration" && sensor_.has_value() && !passing_over_) {
       EndLensNumber(name);
     } else if (name == "transform" && parent == "camera" && camera_.has_value()) {
       EndPose();
@@ -166,6 +167,16 @@ class Reader {
   }
 
  private:
+  // The adjusted one counts, before or behind the initial one; else the last.
+  void StartCalibration(const Attributes& attributes) {
+    const bool adjusted = attributes.Get("class") == "adjusted";
+    passing_over_ = sensor_->adjusted && !adjusted;
+    if (passing_over_) return;
+    sensor_->adjusted = adjusted;
+    sensor_->lens.clear();
+    if (attributes.Find("type") != nullptr) sensor_->type = attributes.Get("type");
+  }
+
   void StartCamera(const Attributes& attributes) {
     posed_ = false;
     const std::string enabled = attributes.Get("enabled");
@@ -221,7 +232,8 @@ class Reader {
   std::string id_;                 // of sensor_, or of the component
   std::optional<Sensor> sensor_;
   std::optional<PlacedCamera> camera_;
-  bool posed_ = false;  // camera_ has its pose
+  bool posed_ = false;         // camera_ has its pose
+  bool passing_over_ = false;  // the open calibration
 };
 
 absl::StatusOr<Document> ReadDocument(std::string_view xml, std::string_view field) {

@@ -300,6 +300,21 @@ TEST(MetashapeCameras, ValuesMayBeLongAndStandOnLinesOfTheirOwn) {
   EXPECT_EQ(model->views[0].camera.cx, 78);
 }
 
+TEST(MetashapeCameras, TheAdjustedLensCountsAlsoBeforeTheInitialOne) {
+  std::string file = Metashape("frame", "<f>100</f><cx>-2</cx>");
+  const size_t at = file.find("<calibration");
+  const std::string initial = file.substr(at, file.find("<calibration", at + 1) - at);
+  file.erase(at, initial.size());
+  file.insert(file.find("<covariance>"),
+              absl::StrReplaceAll(initial, {{"160", "320"}, {"frame", "fisheye"}}));
+  const auto model = Parse(file);
+  ASSERT_TRUE(model.ok()) << model.status();
+  EXPECT_EQ(model->views[0].camera.width, 160);
+  EXPECT_EQ(model->views[0].camera.fx, 100);
+  EXPECT_EQ(model->views[0].camera.cx, 78);
+  EXPECT_FALSE(model->distortions[0].fisheye);
+}
+
 TEST(MetashapeCameras, PanoramasAreForThoseWhoCutThem) {
   const std::string file = Metashape("spherical", "");
   EXPECT_EQ(Reason(Parse(file).status()), "UNSUPPORTED_CAMERA_MODEL");
