@@ -17,6 +17,7 @@
 #include "engine/io/file_util.h"
 #include "engine/io/png_codes.h"
 #include "engine/io/transforms_io.h"
+#include "engine/io/work_folder.h"
 #include "engine/sample/exposure.h"
 #include "engine/sample/tracer.h"
 #include "engine/sample/world.h"
@@ -85,8 +86,8 @@ absl::Status WriteRawCameras(const CaptureOptions& options, const std::vector<Vi
     std::vector<View> renamed = views;
     for (View& view : renamed) view.name = WithExtension(view.name, extension);
     LITAGS_RETURN_IF_ERROR(WriteCameras(options, renamed, out / folder));
-    std::error_code exists;  // from an earlier run, or else it is missed at the evaluation
-    fs::create_directory_symlink("../high", out / folder / "high", exists);
+    std::error_code ignored;  // a link that cannot be made is missed at the evaluation
+    fs::create_directory_symlink("../high", out / folder / "high", ignored);
   }
   return absl::OkStatus();
 }
@@ -145,19 +146,29 @@ absl::StatusOr<Levels> WritePhotos(const CaptureOptions& options, const Exposure
                 PhotoPsnr(over, high)};
 }
 
+// A capture of other options must not be mixed with this one. What else lies there stays.
+absl::Status RemoveLastCapture(const fs::path& out) {
+  for (const char* name :
+       {"high", "low", "over_exp", "depth", "clean", "raw", "deep", "transforms_train.json",
+        "transforms_val.json", "transforms_test.json", "capture.json"}) {
+    std::error_code error;
+    fs::remove_all(out / name, error);
+    if (error) {
+      return MakeError(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_WRITABLE", "out",
+                       absl::StrCat((out / name).string(), ": cannot remove what an earlier run ",
+                                    "wrote (", error.message(), "); choose another place"));
+    }
+  }
+  return absl::OkStatus();
+}
+
 absl::Status MakeFolders(const CaptureOptions& options, const fs::path& out) {
+  LITAGS_RETURN_IF_ERROR(MakeOwnFolder(out));
+  LITAGS_RETURN_IF_ERROR(RemoveLastCapture(out));
   std::vector<const char*> folders = {"high", "low", "over_exp"};
   if (options.truth) folders.insert(folders.end(), {"depth", "clean"});
   if (options.raw) folders.insert(folders.end(), {"raw/low", "deep/low"});
-  for (const char* folder : folders) {
-    std::error_code error;
-    fs::create_directories(out / folder, error);
-    if (error) {
-      return MakeError(absl::StatusCode::kUnavailable, "CANNOT_MAKE_FOLDER", "out",
-                       absl::StrCat((out / folder).string(), ": cannot make the folder (",
-                                    error.message(), "); choose another place"));
-    }
-  }
+  for (const char* folder : folders) LITAGS_RETURN_IF_ERROR(MakeFolder(out / folder));
   return absl::OkStatus();
 }
 

@@ -52,7 +52,8 @@ struct CaptureReport {
 // height, as a person walking by would hold the camera.
 std::vector<View> CaptureViews(const CaptureOptions& options);
 
-// Renders the capture and writes, under `out_dir` (made if missing, files overwritten):
+// Renders the capture and writes, under `out_dir` (made if missing), in place of what an earlier
+// run wrote there:
 //   high/ low/ over_exp/NAME.JPG
 //   transforms_train.json transforms_val.json transforms_test.json
 //       camera-to-world matrices with OpenGL axes; val equals test
@@ -62,7 +63,9 @@ std::vector<View> CaptureViews(const CaptureOptions& options);
 //   raw/ deep/              with `raw`: captures of their own, whose low/ has what the sensor gave
 //       for low/ of this one as DNG, and as 16-bit PNG; high/ is a link to this one's
 // Holds all views in memory: about 12 bytes a pixel and view.
-// INVALID_ARGUMENT for a bad option; otherwise the error of the file that cannot be written.
+// INVALID_ARGUMENT for a bad option; errors of MakeOwnFolder (work_folder.h), as FOLDER_NOT_OURS
+// where `out_dir` holds files and no run of this made it; otherwise the error of the file that
+// cannot be written.
 absl::StatusOr<CaptureReport> WriteCapture(const CaptureOptions& options,
                                            const std::string& out_dir);
 

@@ -227,7 +227,7 @@ TEST_F(Capture, HasTheSameBytesForTheSameSeedWhateverTheThreads) {
   options.threads = 3;
   ASSERT_TRUE(WriteCapture(options, root_ / "b").ok());
   const auto a = ReadTree(root_ / "a"), b = ReadTree(root_ / "b");
-  EXPECT_EQ(a.size(), 12u * 5 + 4);
+  EXPECT_EQ(a.size(), 12u * 5 + 4 + 1);  // the marker of own folders, too
   EXPECT_TRUE(a == b);
 
   options.seed = 1;
@@ -263,7 +263,32 @@ TEST(CaptureOptions, NamesTheBadOption) {
 
 TEST(WriteCapture, SaysWhereItCannotWrite) {
   const absl::Status status = WriteCapture(Small(), "/proc/nowhere").status();
-  EXPECT_EQ(GetErrorDetail(status)->reason, "CANNOT_MAKE_FOLDER");
+  EXPECT_EQ(GetErrorDetail(status)->reason, "FOLDER_NOT_WRITABLE");
+}
+
+TEST_F(Capture, TakesThePlaceOfTheLastOneAndLeavesOtherFiles) {
+  CaptureOptions more = Small();
+  more.width = more.height = 32;
+  more.views = 14;
+  more.raw = true;
+  ASSERT_TRUE(WriteCapture(more, root_ / "again").ok());
+  ASSERT_TRUE(WriteFileAtomically(root_ / "again/notes.txt", "mine").ok());
+  ASSERT_TRUE(WriteCapture(Small(), root_ / "again").ok());
+  auto again = ReadTree(root_ / "again");
+  EXPECT_EQ(again["notes.txt"], "mine");
+  again.erase("notes.txt");
+  EXPECT_TRUE(again == ReadTree(root_ / "a"));
+}
+
+TEST(WriteCapture, LeavesFilesThatItDidNotWrite) {
+  const TempDir dir;
+  fs::create_directory(dir / "low");
+  ASSERT_TRUE(WriteFileAtomically(dir / "low/0001.JPG", "mine").ok());
+  const absl::Status status = WriteCapture(Small(), dir.path()).status();
+  ASSERT_FALSE(status.ok());
+  EXPECT_EQ(GetErrorDetail(status)->reason, "FOLDER_NOT_OURS") << status;
+  EXPECT_EQ(ReadTree(dir.path()).size(), 1u);
+  EXPECT_EQ(ReadBytes(dir / "low/0001.JPG"), "mine");
 }
 
 }  // namespace

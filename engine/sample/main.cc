@@ -5,6 +5,7 @@
 #include <iostream>
 #include <string>
 
+#include "engine/core/error.h"
 #include "engine/sample/capture.h"
 #include "proto/arguments/arguments.h"
 
@@ -56,7 +57,9 @@ int Run(int argc, char** argv) {
   const auto report = litags::sample::WriteCapture(options, out);
   if (!report.ok()) {
     std::cerr << "litags-sample: " << report.status().message() << "\n";
-    return report.status().code() == absl::StatusCode::kInvalidArgument ? 2 : 1;
+    const auto detail = litags::GetErrorDetail(report.status());
+    const bool not_ours = detail.has_value() && detail->reason == "FOLDER_NOT_OURS";
+    return absl::IsInvalidArgument(report.status()) || not_ours ? 2 : 1;
   }
   std::printf("%s: %zu train and %zu test views of %dx%d\n", out.c_str(), report->train.size(),
               report->test.size(), options.width, options.height);
