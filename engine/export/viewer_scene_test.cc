@@ -96,12 +96,24 @@ TEST(PlaceScene, WhatTheCamerasLookAtGoesWithThem) {
   EXPECT_NEAR(scene.radius, 30, 1e-9);
 }
 
+// What files name for it must go with the positions.
+TEST(PlaceScene, TheMapsPointGoesWithTheScene) {
+  ViewerScene scene = SmallScene(5);
+  scene.origin = {500000, 3999999, 301};
+  PlaceScene({0, 0, 1}, UpAxis::kY, /*scale=*/10, &scene);
+  EXPECT_NEAR(scene.origin[0], 5'000'000, 1e-6);
+  EXPECT_NEAR(scene.origin[1], 3010, 1e-6);
+  EXPECT_NEAR(scene.origin[2], -39'999'990, 1e-6);
+}
+
 TEST(PlaceScene, KeptAndUnscaledItIsAsItWas) {
-  const ViewerScene scene = SmallScene(20);
+  ViewerScene scene = SmallScene(20);
+  scene.origin = {500000, 3999999, 301};
   ViewerScene placed = scene;
   PlaceScene({0, -1, 0}, UpAxis::kKeep, 1, &placed);
   EXPECT_TRUE(SameBytes(placed.splats.data(), scene.splats.data()));
   EXPECT_EQ(placed.views[3].camera.t, scene.views[3].camera.t);
+  EXPECT_EQ(placed.origin, scene.origin);
 }
 
 TEST(Crop, KeepsCentresInsideInTheirOrder) {

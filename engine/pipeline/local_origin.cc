@@ -45,7 +45,9 @@ std::string DescribeOrigin(const std::array<double, 3>& origin) {
   return absl::StrFormat(
       "the cameras stand far from the origin: the scene's Gaussians are kept relative to (%.12g, "
       "%.12g, %.12g). Views are rendered in your coordinates; an exported .ply of Gaussians "
-      "names what to add to its positions in its comment 'origin'",
+      "names what to add to its positions in its comment 'origin'. .glb and .usda name it as a "
+      "translation, which turns with the scene where they turn it up: --up keep leaves it in your "
+      "axes",
       origin[0], origin[1], origin[2]);
 }
 
