@@ -41,28 +41,51 @@ bool HasEnding(const fs::path& path, Endings endings) {
 }
 
 absl::Status Unreadable(const std::string& path, const std::string& why) {
-  return BadInput("FILE_UNREADABLE", path,
-                  absl::StrCat(path, ": cannot be read (", why,
+  const std::string shown = report::PrintableLine(path);
+  return BadInput("FILE_UNREADABLE", shown,
+                  absl::StrCat(shown, ": cannot be read (", why,
                                "); check that it exists and may "
                                "be read"));
 }
 
-absl::StatusOr<LocalFile> MakeLocalFile(const fs::path& path, v1::FileRole role) {
+// OK, or why a file of this path cannot be sent.
+absl::Status FindTrouble(const fs::path& path) {
+  if (!report::IsUtf8(path.filename().string())) {
+    const std::string shown = report::PrintableLine(path.string());
+    return BadInput("BAD_FILE_NAME", shown,
+                    absl::StrCat(shown,
+                                 ": the file's name is not UTF-8; rename it, for instance with "
+                                 "convmv or mv"));
+  }
   std::error_code error;
-  const auto size = fs::file_size(path, error);
-  if (error) return Unreadable(path.string(), error.message());
+  if (fs::is_regular_file(path, error)) return absl::OkStatus();
+  // A link to what is gone, for one.
+  return Unreadable(path.string(), error ? error.message() : "not a file");
+}
+
+LocalFile MakeLocalFile(const fs::path& path, v1::FileRole role) {
   LocalFile file;
   file.path = path.string();
   file.name = path.filename().string();
   file.role = role;
-  file.size_bytes = static_cast<int64_t>(size);
-  if (!report::IsUtf8(file.name)) {
-    return BadInput("BAD_FILE_NAME", report::Printable(file.path),
-                    absl::StrCat(report::Printable(file.path),
-                                 ": the file's name is not UTF-8; rename it, for instance with "
-                                 "convmv or mv"));
-  }
+  file.trouble = FindTrouble(path);
+  if (!file.trouble.ok()) return file;
+  std::error_code error;
+  file.size_bytes = static_cast<int64_t>(fs::file_size(path, error));
+  if (error) file.trouble = Unreadable(file.path, error.message());
   return file;
+}
+
+void Add(LocalFile file, Capture* capture) {
+  if (file.trouble.ok()) capture->bytes += file.size_bytes;
+  capture->files.push_back(std::move(file));
+}
+
+// Of a file without which there is no job.
+absl::Status AddNeeded(LocalFile file, Capture* capture) {
+  if (!file.trouble.ok()) return file.trouble;
+  Add(std::move(file), capture);
+  return absl::OkStatus();
 }
 
 std::string Joined(Endings endings) {
@@ -173,10 +196,8 @@ absl::Status AddColmapModel(const std::string& dir, Capture* capture) {
     const fs::path path = fs::path(dir) / absl::StrCat(stem, text ? ".txt" : ".bin");
     if (std::string_view(stem) == "points3D" && !fs::exists(path, ignored)) continue;
     if (IsEmptyPoints(path)) continue;
-    auto file = MakeLocalFile(path, v1::FILE_ROLE_COLMAP);
-    if (!file.ok()) return file.status();
-    capture->bytes += file->size_bytes;
-    capture->files.push_back(*std::move(file));
+    const absl::Status added = AddNeeded(MakeLocalFile(path, v1::FILE_ROLE_COLMAP), capture);
+    if (!added.ok()) return added;
   }
   return absl::OkStatus();
 }
@@ -248,13 +269,7 @@ absl::Status ScanFolder(const std::string& dir, std::string_view field, v1::File
       capture->skipped.push_back(entry.path().filename().string());
       continue;
     }
-    if (!entry.is_regular_file(entry_error)) {  // a link to what is gone, for one
-      return Unreadable(entry.path().string(), entry_error ? entry_error.message() : "not a file");
-    }
-    auto file = MakeLocalFile(entry.path(), role);
-    if (!file.ok()) return file.status();
-    capture->bytes += file->size_bytes;
-    capture->files.push_back(*std::move(file));
+    Add(MakeLocalFile(entry.path(), role), capture);
   }
   if (error) return Unreadable(dir, error.message());
   if (empty) {
@@ -344,11 +359,8 @@ absl::Status AddPhotos(const std::string& path, Capture* capture) {
   const bool archive = HasEnding(path, v1::kArchiveEndings);
   const bool one_file = archive || HasEnding(path, v1::kVideoEndings);
   if (one_file && fs::is_regular_file(path, error)) {
-    auto file = MakeLocalFile(path, archive ? v1::FILE_ROLE_ARCHIVE : v1::FILE_ROLE_VIDEO);
-    if (!file.ok()) return file.status();
-    capture->bytes += file->size_bytes;
-    capture->files.push_back(*std::move(file));
-    return absl::OkStatus();
+    return AddNeeded(MakeLocalFile(path, archive ? v1::FILE_ROLE_ARCHIVE : v1::FILE_ROLE_VIDEO),
+                     capture);
   }
   if (one_file && !fs::exists(path, error)) {
     return BadInput("FILE_UNREADABLE", "DIR",
@@ -371,17 +383,11 @@ absl::Status AddPhotos(const std::string& path, Capture* capture) {
 absl::Status AddCameras(const std::string& given, Capture* capture) {
   const std::string path = ResolveCameras(given).string();
   if (path != given) capture->notes.push_back(absl::StrCat("cameras: ", path));
-  std::error_code error;
-  if (fs::is_directory(path, error)) return AddColmapModel(path, capture);
-  if (!fs::is_regular_file(path, error)) {
-    return Unreadable(path, error ? error.message() : "not a file");
-  }
-  auto cameras = MakeLocalFile(path, v1::FILE_ROLE_CAMERAS);
-  if (!cameras.ok()) return cameras.status();
-  AppendBundlerList(&*cameras);
-  capture->bytes += cameras->size_bytes;
-  capture->files.push_back(*std::move(cameras));
-  return absl::OkStatus();
+  std::error_code ignored;
+  if (fs::is_directory(path, ignored)) return AddColmapModel(path, capture);
+  LocalFile cameras = MakeLocalFile(path, v1::FILE_ROLE_CAMERAS);
+  if (cameras.trouble.ok()) AppendBundlerList(&cameras);
+  return AddNeeded(std::move(cameras), capture);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "client/interrupt.h"
@@ -18,9 +19,10 @@ struct LocalFile {
   std::string path;
   std::string name;  // last component of path
   v1::FileRole role = v1::FILE_ROLE_PHOTO;
-  std::string tail;        // bytes that go up after those at path
-  int64_t size_bytes = 0;  // of both
-  std::string sha256;      // 32 bytes; empty until computed
+  std::string tail;                         // bytes that go up after those at path
+  int64_t size_bytes = 0;                   // of both
+  std::string sha256;                       // 32 bytes; empty until computed
+  absl::Status trouble = absl::OkStatus();  // why it cannot be sent
 };
 
 struct Capture {
@@ -35,8 +37,10 @@ struct Capture {
 // (images/ and what lies beside it, docs/datasets.md), or a ZIP or TAR archive of one, or a video,
 // and, where the paths are not empty, cameras (a file, a bundle.out with its list of photos, or the
 // folder of a COLMAP model or of several, of which the largest is taken), a folder of depth maps
-// and one of masks; without one, the photos' subfolder "masks", if there is one. INVALID_ARGUMENT:
-// FOLDER_MISSING, FOLDER_EMPTY, NO_PHOTOS, NO_MASKS, NO_DEPTH_MAPS, FILE_UNREADABLE.
+// and one of masks; without one, the photos' subfolder "masks", if there is one. What cannot be
+// sent of the folders of photos, depth maps and masks is among the files, with its trouble.
+// INVALID_ARGUMENT: FOLDER_MISSING, FOLDER_EMPTY, NO_PHOTOS, NO_MASKS, NO_DEPTH_MAPS,
+// FILE_UNREADABLE, BAD_FILE_NAME.
 absl::StatusOr<Capture> ScanCapture(const std::string& photos_dir, const std::string& cameras_path,
                                     const std::string& depth_dir, const std::string& masks_dir);
 

@@ -44,7 +44,11 @@ TEST_F(ScanCaptureTest, NamesALinkToAPhotoThatIsGone) {
   Write("a.jpg", "x");
   fs::create_directory(dir_ / "folder.jpg");
   fs::create_symlink("nowhere/b.jpg", dir_ / "b.jpg");
-  const absl::Status status = ScanCapture(dir_.string(), "", "", "").status();
+  auto capture = ScanCapture(dir_.string(), "", "", "");
+  ASSERT_TRUE(capture.ok()) << capture.status();
+  ASSERT_EQ(capture->files.size(), 2u);
+  const absl::Status status =
+      ContentDigest(capture->files, Interrupt(), [](const LocalFile&) {}).status();
   EXPECT_EQ(DetailOf(status).reason(), "FILE_UNREADABLE");
   EXPECT_EQ(DetailOf(status).field(), (dir_ / "b.jpg").string());
   EXPECT_THAT(std::string(status.message()), HasSubstr("No such file"));

@@ -88,6 +88,9 @@ class FakeReconstruction : public v1::ReconstructionService::Service {
                            v1::QueryUploadResponse* response) override {
     const Locked now = state();
     for (const v1::FileHeader& file : request->files()) {
+      if (file.file_name().find('\n') != std::string::npos) {
+        return Refused("BAD_FILE_NAME", absl::StrCat("images[", file.file_name(), "]"));
+      }
       v1::FileStatus* status = response->add_files();
       const auto it = now->stored.find(file.file_name());
       if (it == now->stored.end()) continue;

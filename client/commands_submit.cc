@@ -35,6 +35,7 @@ struct SubmitArgs {
 std::string ShortList(std::vector<std::string> names, size_t total) {
   constexpr size_t kShown = 5;
   names.resize(std::min(names.size(), kShown));
+  for (std::string& name : names) name = report::PrintableLine(name);
   const size_t more = total - names.size();
   return absl::StrCat(absl::StrJoin(names, ", "),
                       more > 0 ? absl::StrCat(" and ", more, " more") : "");
@@ -166,7 +167,10 @@ int Submit(Session& session, const SubmitArgs& args) {
   *request.mutable_options() = args.options;
   *request.mutable_policy() = ToProto(args.treatment);
   if (!args.webhook.empty()) SetWebhook(args, request.mutable_webhook());
-  auto digest = ContentDigest(capture->files, session.interrupt, NoteReading);
+  const auto left_out = ReadFiles(capture->files, session.interrupt, NoteReading, args.strict);
+  if (!left_out.ok()) return ReportError(session, left_out.status());
+  for (const std::string& line : *left_out) Note(line);
+  auto digest = ContentDigest(capture->files, session.interrupt, [](const LocalFile&) {});
   if (!digest.ok()) return ReportError(session, digest.status());
   request.set_content_digest(*std::move(digest));
   const auto job = session.client().CreateJob(request);
@@ -208,7 +212,7 @@ void AddSubmitCommand(CLI::App& app, Session& session) {
       ->required();
   command->add_flag("--watch", args->watch, "Then follow the job until it ends");
   command->add_flag("--strict", args->strict,
-                    "Refuse if the service cannot read a photo of the folder; else it is left out");
+                    "Refuse if a photo of the folder cannot be read or sent; else it is left out");
   command->add_option("--name", args->name, "Title for humans; default: the folder's name");
   AddLabelOption(*command, args->labels);
   command->add_option(

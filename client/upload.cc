@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/types/span.h"
+#include "client/report/text.h"
 #include "client/status.h"
 #include "proto/litags/v1/limits.h"
 
@@ -25,6 +26,7 @@ static_assert(kChunkBytes <= v1::kMaxChunkBytes && kStreamFiles <= v1::kMaxQuery
 constexpr std::chrono::seconds kQueryPatience{60};
 
 absl::Status FillDigest(LocalFile& file, const Interrupt& interrupt) {
+  if (!file.trouble.ok()) return file.trouble;
   if (!file.sha256.empty()) return absl::OkStatus();
   auto digest = FileSha256(file.path, interrupt, file.tail);
   if (!digest.ok()) return digest.status();
@@ -189,31 +191,24 @@ std::vector<std::string> MasksOnlyOf(const std::string& photo,
   return masks;
 }
 
-// If `status` says that the service cannot read one of the photos and enough others remain, takes
-// that one out of `files`, with the masks of no other, whose names it adds. The first
+// Takes a file out of `files`, a photo with the masks of no other, whose names it adds. The first
 // progress->files_done of `files` are sent.
-bool LeaveOutUnreadable(const absl::Status& status, std::vector<LocalFile>* files,
-                        UploadProgress* progress, std::vector<std::string>* masks) {
-  if (status.ok()) return false;
-  const v1::ErrorDetail detail = DetailOf(status);
-  if (!detail.reason().starts_with("IMAGE_") && detail.reason() != "FILE_EMPTY") return false;
-  const auto bad = std::find_if(files->begin(), files->end(), [&](const LocalFile& f) {
-    return IsPhoto(f) && detail.field() == absl::StrCat("images[", f.name, "]");
-  });
-  if (bad == files->end()) return false;
-  if (std::count_if(files->begin(), files->end(), IsPhoto) <= kMinPhotos) return false;
-  const std::string photo = bad->name;
-  const std::vector<std::string> gone = MasksOnlyOf(photo, *files);
+void LeaveOut(const LocalFile& bad, const absl::Status& why, std::vector<LocalFile>* files,
+              UploadProgress* progress, std::vector<std::string>* masks) {
+  const std::string name = bad.name;
+  const v1::FileRole role = bad.role;
+  const std::vector<std::string> gone =
+      IsPhoto(bad) ? MasksOnlyOf(name, *files) : std::vector<std::string>();
   const std::string with = gone.empty() ? "" : absl::StrCat(", with ", absl::StrJoin(gone, ", "));
-  progress->left_out.push_back(absl::StrCat(photo, " is left out", with, ": ", status.message()));
+  progress->left_out.push_back(
+      report::PrintableLine(absl::StrCat(name, " is left out", with, ": ", why.message())));
   masks->insert(masks->end(), gone.begin(), gone.end());
   const auto sent = static_cast<size_t>(progress->files_done);
   for (size_t i = files->size(); i-- > 0;) {
     const LocalFile& f = (*files)[i];
-    const bool goes = f.role == v1::FILE_ROLE_MASK
-                          ? std::find(gone.begin(), gone.end(), f.name) != gone.end()
-                          : IsPhoto(f) && f.name == photo;
-    if (!goes) continue;
+    const bool with_it =
+        f.role == v1::FILE_ROLE_MASK && std::find(gone.begin(), gone.end(), f.name) != gone.end();
+    if (!with_it && !(f.role == role && f.name == name)) continue;
     progress->bytes -= f.size_bytes;
     if (i < sent) {
       --progress->files_done;
@@ -222,6 +217,59 @@ bool LeaveOutUnreadable(const absl::Status& status, std::vector<LocalFile>* file
     files->erase(files->begin() + static_cast<ptrdiff_t>(i));
   }
   progress->files = static_cast<int>(files->size());
+}
+
+// Whether a job may do without this one of `files`, which has trouble: a mask or a depth map of a
+// photo that is sent would be missed.
+bool MayBeLeftOut(const LocalFile& bad, const std::vector<LocalFile>& files) {
+  switch (bad.role) {
+    case v1::FILE_ROLE_PHOTO:
+      return std::count_if(files.begin(), files.end(), [](const LocalFile& f) {
+               return IsPhoto(f) && f.trouble.ok();
+             }) >= kMinPhotos;
+    case v1::FILE_ROLE_MASK:  // cameras may say whose it is, but not by such a name
+      return DetailOf(bad.trouble).reason() == "BAD_FILE_NAME";
+    case v1::FILE_ROLE_DEPTH:  // named as masks are
+      return std::none_of(files.begin(), files.end(), [&](const LocalFile& f) {
+        return IsPhoto(f) && IsMaskOf(f.name, bad.name);
+      });
+    default:
+      return false;
+  }
+}
+
+// Those with trouble, photos first, whose masks go along.
+absl::Status LeaveOutTroubled(bool strict, std::vector<LocalFile>* files,
+                              UploadProgress* progress) {
+  std::vector<std::string> masks;
+  for (const bool photos : {true, false}) {
+    for (;;) {
+      const auto bad = std::find_if(files->begin(), files->end(), [&](const LocalFile& f) {
+        return !f.trouble.ok() && IsPhoto(f) == photos;
+      });
+      if (bad == files->end()) break;
+      if (strict || !MayBeLeftOut(*bad, *files)) return bad->trouble;
+      LeaveOut(*bad, absl::Status(bad->trouble), files, progress, &masks);
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Leaves out the photo that `status` says the service does not take, if enough others remain.
+bool LeaveOutRefused(const absl::Status& status, std::vector<LocalFile>* files,
+                     UploadProgress* progress, std::vector<std::string>* masks) {
+  if (status.ok()) return false;
+  const v1::ErrorDetail detail = DetailOf(status);
+  if (!detail.reason().starts_with("IMAGE_") && detail.reason() != "FILE_EMPTY" &&
+      detail.reason() != "BAD_FILE_NAME") {
+    return false;
+  }
+  const auto bad = std::find_if(files->begin(), files->end(), [&](const LocalFile& f) {
+    return IsPhoto(f) && detail.field() == absl::StrCat("images[", f.name, "]");
+  });
+  if (bad == files->end()) return false;
+  if (std::count_if(files->begin(), files->end(), IsPhoto) <= kMinPhotos) return false;
+  LeaveOut(*bad, status, files, progress, masks);
   return true;
 }
 
@@ -240,6 +288,23 @@ absl::Status RemoveMasks(Client& client, const std::string& job,
 }
 
 }  // namespace
+
+absl::StatusOr<std::vector<std::string>> ReadFiles(
+    std::vector<LocalFile>& files, const Interrupt& interrupt,
+    absl::FunctionRef<void(const LocalFile&)> on_file, bool strict) {
+  UploadProgress progress;
+  // At once, before what may be many gigabytes are read.
+  absl::Status status = LeaveOutTroubled(strict, &files, &progress);
+  if (!status.ok()) return status;
+  for (LocalFile& file : files) {
+    on_file(file);
+    file.trouble = FillDigest(file, interrupt);
+    if (absl::IsCancelled(file.trouble)) return file.trouble;
+  }
+  status = LeaveOutTroubled(strict, &files, &progress);
+  if (!status.ok()) return status;
+  return progress.left_out;
+}
 
 absl::Status UploadFiles(Client& client, const std::string& job, std::vector<LocalFile>& files,
                          absl::FunctionRef<void(const UploadProgress&)> on_progress, bool strict) {
@@ -265,7 +330,7 @@ absl::Status UploadFiles(Client& client, const std::string& job, std::vector<Loc
     const absl::Status status =
         client.Retry([&](bool* progressed) { return batch.Send(progressed); });
     std::vector<std::string> masks;
-    if (!strict && LeaveOutUnreadable(status, &files, &progress, &masks)) {
+    if (!strict && LeaveOutRefused(status, &files, &progress, &masks)) {
       const absl::Status removed = RemoveMasks(client, job, masks);
       if (!removed.ok()) return removed;
       on_progress(progress);
@@ -290,7 +355,7 @@ absl::StatusOr<std::string> ContentDigest(std::vector<LocalFile>& files, const I
   for (LocalFile& file : files) {
     on_file(file);
     if (const absl::Status status = FillDigest(file, interrupt); !status.ok()) return status;
-    // Names hold no line breaks, so that no two captures give the same text.
+    // Names that the service takes hold no line breaks, so that no two captures give the same text.
     const std::string line = absl::StrCat(static_cast<int>(file.role), "/", file.name, "\n");
     EVP_DigestUpdate(context.get(), line.data(), line.size());
     EVP_DigestUpdate(context.get(), file.sha256.data(), file.sha256.size());

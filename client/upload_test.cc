@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
 #include <utility>
 #include <vector>
@@ -18,6 +19,7 @@
 namespace litags::client {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
@@ -63,13 +65,79 @@ TEST_F(UploadTest, AFileThatBecomesShorterIsNotSentWhole) {
   EXPECT_EQ(DetailOf(status).reason(), "FILE_CHANGED");
 }
 
-TEST_F(UploadTest, ANameThatIsNotUtf8IsToldBeforeItIsSent) {
-  Write("a.jpg", "photo");
+class ReadFilesTest : public UploadTest {
+ protected:
+  // What is left out of the folder, with depth maps in "depth"; files_ is the rest.
+  absl::StatusOr<std::vector<std::string>> Read(bool strict = false) {
+    const std::filesystem::path depth = dir_ / "depth";
+    auto capture = ScanCapture(dir_, "", std::filesystem::exists(depth) ? depth : "", "");
+    if (!capture.ok()) return capture.status();
+    auto left_out = ReadFiles(
+        capture->files, interrupt_, [](const LocalFile&) {}, strict);
+    files_.clear();
+    for (const LocalFile& file : capture->files) files_.push_back(file.name);
+    return left_out;
+  }
+
+  void Link(const std::string& name, const std::string& target) {
+    std::filesystem::create_directories((dir_ / name).parent_path());
+    std::filesystem::create_symlink(target, dir_ / name);
+  }
+
+  std::vector<std::string> files_;
+};
+
+TEST_F(ReadFilesTest, PhotosThatCannotBeSentAreLeftOutWithWhatIsTheirs) {
+  for (const char* name : {"a.jpg", "b.jpg", "c.jpg", "masks/a.png", "masks/gone.jpg.png",
+                           "masks/caf\xE9.png", "depth/a.npy", "depth/caf\xE9.npy"}) {
+    Write(name, "x");
+  }
   Write("caf\xE9.jpg", "photo");
-  const absl::Status status = Upload();
-  EXPECT_EQ(DetailOf(status).reason(), "BAD_FILE_NAME");
-  EXPECT_THAT(std::string(status.message()), HasSubstr("caf?.jpg: the file's name is not UTF-8"));
-  EXPECT_EQ(service_.state()->streams, 0);
+  Link("gone.jpg", "nowhere");
+  Link("damaged.jpg", "/proc/self/mem");  // of which no byte can be read
+  Link("masks/gone.png", "nowhere");
+  Link("depth/gone.npy", "nowhere");
+  const auto left_out = Read();
+  ASSERT_TRUE(left_out.ok()) << left_out.status();
+  EXPECT_THAT(
+      *left_out,
+      ElementsAre(AllOf(HasSubstr("caf?.jpg is left out, with caf?.png: "), HasSubstr("not UTF-8")),
+                  AllOf(HasSubstr("gone.jpg is left out, with gone.jpg.png, gone.png: "),
+                        HasSubstr("No such file")),
+                  HasSubstr("caf?.npy is left out: "), HasSubstr("gone.npy is left out: "),
+                  HasSubstr("damaged.jpg is left out: ")));
+  EXPECT_THAT(files_, ElementsAre("a.jpg", "b.jpg", "c.jpg", "a.npy", "a.png"));
+  EXPECT_EQ(DetailOf(Read(/*strict=*/true).status()).reason(), "BAD_FILE_NAME");
+}
+
+TEST_F(ReadFilesTest, OfTooFewPhotosNoneIsLeftOut) {
+  for (const char* name : {"a.jpg", "b.jpg"}) Write(name, "x");
+  Link("gone.jpg", "nowhere");
+  EXPECT_EQ(DetailOf(Read().status()).reason(), "FILE_UNREADABLE");
+  Write("caf\xE9.jpg", "x");
+  EXPECT_EQ(DetailOf(Read().status()).reason(), "BAD_FILE_NAME");
+}
+
+TEST_F(ReadFilesTest, WhatAPhotoThatIsSentWouldMissIsNotLeftOut) {
+  for (const char* name : {"a.jpg", "b.jpg", "c.jpg", "d.jpg"}) Write(name, "x");
+  for (const std::string name : {"masks/a.png", "depth/a.npy"}) {
+    Link(name, "nowhere");
+    const absl::Status status = Read().status();
+    EXPECT_EQ(DetailOf(status).reason(), "FILE_UNREADABLE") << name;
+    EXPECT_EQ(DetailOf(status).field(), (dir_ / name).string());
+    std::filesystem::remove_all((dir_ / name).parent_path());
+  }
+  EXPECT_TRUE(Read().ok());
+}
+
+TEST_F(UploadTest, APhotoWhoseNameIsRefusedIsLeftOutOnOneLine) {
+  for (const char* name : {"a.jpg", "b.jpg", "c.jpg", "two\nlines.jpg", "masks/two\nlines.png"}) {
+    Write(name, "x");
+  }
+  ASSERT_TRUE(Upload().ok());
+  EXPECT_EQ(service_.state()->stored.size(), 3u);
+  EXPECT_THAT(last_progress_.left_out,
+              ElementsAre(HasSubstr("two?lines.jpg is left out, with two?lines.png: ")));
 }
 
 TEST_F(UploadTest, AnUploadOverABreakingConnectionCompletes) {

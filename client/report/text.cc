@@ -161,6 +161,12 @@ std::string Printable(std::string_view text) {
   return result;
 }
 
+std::string PrintableLine(std::string_view text) {
+  std::string line = Printable(text);
+  std::replace(line.begin(), line.end(), '\n', '?');
+  return line;
+}
+
 size_t ColumnsOf(std::string_view text) {
   size_t columns = 0;
   while (!text.empty()) {

@@ -41,6 +41,8 @@ bool IsUtf8(std::string_view text);
 // UTF-8 replaced by '?', so that names from elsewhere neither drive the terminal nor show
 // themselves as others. Newlines stay.
 std::string Printable(std::string_view text);
+// As Printable, of what stays on one line: names of files may hold newlines, which become '?', too.
+std::string PrintableLine(std::string_view text);
 
 // How many columns a terminal shows `text` in: wide East Asian letters take two, marks that go over
 // the letter before them none.

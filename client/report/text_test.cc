@@ -30,6 +30,7 @@ TEST(Text, ControlCharactersDoNotReachTheTerminal) {
   EXPECT_EQ(Printable("a\xe2\x80\xaegpj.png \xe2\x80\x8f \xe2\x80\xa8 \xff\xed\xa0\x80"),
             "a?gpj.png ? ? ????");
   EXPECT_EQ(Printable("h\xc3\xb6he"), "h\xc3\xb6he");
+  EXPECT_EQ(PrintableLine("a\nb\x1b.png"), "a?b?.png");
 }
 
 TEST(Text, WordsOfEnumsAreThoseOfTheCommandLine) {

@@ -276,6 +276,36 @@ class Package(harness.ServiceTest):
         self.assertRegex("".join(said.output), "a.jpg is left out: ")
         self.assertEqual(self.roles(job)["MASK"], ["a.png"])
 
+    def test_photos_that_cannot_be_sent_are_left_out_as_litags_does(self):
+        folder = pathlib.Path(self.photos(("a.png", "b.png", "c.png", "two\nlines.png")))
+        masks = folder / "masks"
+        for path in (masks, folder / "folder.png"):
+            path.mkdir()
+        for name in ("a.png", "gone.png", os.fsdecode(b"caf\xe9.png")):
+            (masks / name).write_bytes(harness.mask_png())
+        (folder / "gone.jpg").symlink_to("nowhere")
+        (folder / "damaged.jpg").symlink_to("/proc/self/mem")  # of which no byte can be read
+        (folder / os.fsdecode(b"caf\xe9.jpg")).write_bytes(harness.png(seed=8))
+        client = self.client()
+        with self.assertLogs("litags", "WARNING") as said:
+            job = client.submit(folder, request_id="broken")
+        names = ["caf?.jpg", "damaged.jpg", "gone.jpg", "two?lines.png"]
+        self.assertEqual(sorted(re.match(r"WARNING:litags:(.*?) is left out", line)[1]
+                                for line in said.output), names)
+        self.assertIn("caf?.jpg is left out, with caf?.png: ", "".join(said.output))
+        self.assertEqual(self.roles(job), {"PHOTO": ["a.png", "b.png", "c.png"], "MASK": ["a.png"]})
+        # To litags, which sets more fields of the request, these files are no others.
+        _, err = self.litags("submit", str(folder), "--request-id", "broken", "--name", "", exit_code=2)
+        self.assertIn("with another request;", err)
+        before = self.litags("list", "--json")[0]
+        with self.assertRaisesRegex(ValueError, r"caf\\xe9.jpg': the file's name is not UTF-8"):
+            client.submit(folder, strict=True)
+        (masks / "a.png").unlink()
+        (masks / "a.png").symlink_to("nowhere")  # without which a photo would be another one
+        with self.assertRaises(FileNotFoundError), self.assertLogs("litags", "WARNING"):
+            client.submit(folder)
+        self.assertEqual(self.litags("list", "--json")[0], before)
+
     def test_masks_beside_the_photos_go_along(self):
         folder = self.photos()
         masks = pathlib.Path(folder, "masks")
@@ -337,15 +367,6 @@ class Package(harness.ServiceTest):
             job = self.client().submit(self.photos(), options={"iterations": 5})
         self.assertEqual(self.roles(job), {"PHOTO": ["a.png", "b.png", "c.png"]})
 
-    def test_a_name_that_is_not_utf8_is_named_before_there_is_a_job(self):
-        folder = self.photos()
-        pathlib.Path(os.fsdecode(os.path.join(os.fsencode(folder), b"caf\xe9.png"))).write_bytes(
-            harness.png(seed=9))
-        before = self.litags("list", "--json")[0]
-        with self.assertRaisesRegex(ValueError, r"caf\\xe9.png': the file's name is not UTF-8"):
-            self.client().submit(folder)
-        self.assertEqual(self.litags("list", "--json")[0], before)
-
     def test_a_server_that_never_answered_is_reported_at_once(self):
         with self.assertRaises(litags.LitagsError) as caught:
             self.client("127.0.0.1:1").submit(self.photos())
@@ -401,10 +422,6 @@ class Package(harness.ServiceTest):
             client.submit(folders[1], request_id="one")
         self.assertEqual(caught.exception.reason, "REQUEST_ID_REUSED")
         self.assertIn("other files", caught.exception.message)
-        # To litags, which sets more fields of the request, these files are no others.
-        _, err = self.litags("submit", folders[0], "--request-id", "one", "--name", "",
-                             exit_code=2)
-        self.assertIn("with another request;", err)
 
 
 class Reconstruct(examples.Refused, harness.ServiceTest):

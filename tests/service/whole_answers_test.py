@@ -2,6 +2,7 @@
 
 import io
 import os
+import re
 import unittest
 import zipfile
 
@@ -77,20 +78,27 @@ class Uploads(harness.ServiceTest):
         self.assert_refused(lambda: self.upload_archives(self.job(), [("a.zip", padded)]), FULL,
                             "FILE_TOO_LARGE", "cameras[transforms.json]", "16777216")
 
-    def folder_with_a_bad_name(self):
-        folder = self.photos()
+    def test_the_client_says_which_photos_of_a_folder_cannot_be_sent(self):
+        folder = self.photos(("a.png", "b.png", "two\nlines.png", "up\\down.png"))
+        os.symlink("nowhere", os.path.join(folder, "gone.png"))
         with open(os.path.join(os.fsencode(folder), NOT_UTF8), "wb") as file:
             file.write(harness.png(seed=9))
-        return folder
-
-    def test_the_client_says_which_name_is_not_utf8_before_it_makes_a_job(self):
-        folder = self.folder_with_a_bad_name()
         before = self.litags("list", "--json")[0]
-        out, err = self.litags("submit", folder, exit_code=2)
-        self.assertEqual(out, "")
-        self.assertRegex(err, r"caf\?\.png: the file's name is not UTF-8; rename it")
-        self.assertIn("BAD_FILE_NAME", err)
-        self.assertEqual(self.litags("list", "--json")[0], before)
+        refused = (("--strict", r"caf\?\.png: the file's name is not UTF-8; rename it"),
+                   ("--name=Two photos", r"two\?lines\.png is left out"))
+        for option, words in refused:
+            out, err = self.litags("submit", folder, option, exit_code=2)
+            self.assertEqual(out, "")
+            self.assertRegex(err, words)
+            self.assertIn("BAD_FILE_NAME", err)
+            self.assertEqual(self.litags("list", "--json")[0], before)
+        with open(os.path.join(folder, "c.png"), "wb") as file:
+            file.write(harness.png(seed=10))
+        out, err = self.litags("submit", folder)
+        for name, why in (("caf?.png", "not UTF-8"), ("gone.png", "No such file"),
+                          ("two?lines.png", "control character"), ("up\\down.png", "separator")):
+            self.assertRegex(err, f"(?m)^{re.escape(name)} is left out: .*{why}")
+        self.assertEqual(self.jobs.GetJob(rpc.GetJobRequest(name=out.strip())).photos, 3)
 
 
 class Results(harness.ServiceTest):

@@ -132,7 +132,7 @@ class Client:
         """Sends photos, starts the job and returns its name. `photos`: a folder, a list, a video,
         or an archive of a folder. `cameras`: what `litags submit --cameras` takes (docs/cameras.md).
         `masks`: a folder; without one, that of the name "masks" in the folder of photos, if it is
-        there. `depth`: a folder of depth maps. A photo that the service cannot read is left out and
+        there. `depth`: a folder of depth maps. A photo that cannot be read or sent is left out and
         logged as a warning; `strict` refuses it, but of an archive. Removes a job that is refused or
         interrupted, unless there is a `request_id`: the same call with the same one goes on with one
         job."""
@@ -145,6 +145,7 @@ class Client:
             found += files.find_masks(masks)
         if depth is not None:
             found += files.find_depth(depth)
+        found = files.sendable(found, strict)
         if not isinstance(options, job_pb2.JobOptions):
             options = job_pb2.JobOptions(**options or {})
         # With a request_id a repeated call makes no second job, and no second start.
@@ -292,13 +293,10 @@ class Client:
                 self._upload(job, found[start:start + _FILES_PER_STREAM])
                 start += _FILES_PER_STREAM
             except errors.LitagsError as error:
-                photo = None if strict else files.unreadable_photo(found, error)
+                photo = None if strict else files.refused_photo(found, error)
                 if photo is None:
                     raise
-                masks = files.masks_only_of(photo, found)
-                names = "".join(f", {mask.path.name}" for mask in masks).replace(",", ", with", 1)
-                _log.warning("%s is left out%s: %s", photo.path.name, names, error.message)
-                found = [file for file in found if file is not photo and file not in masks]
+                found = files.leave_out(photo, error.message, found)
 
     def _upload(self, job: str, batch: list[files.File]) -> None:
         query = rpc.QueryUploadRequest(name=job, files=[file.header() for file in batch])

@@ -1,6 +1,7 @@
 """Files on disk as the service wants them announced, and the messages of an upload."""
 
 import hashlib
+import logging
 import os
 import pathlib
 import re
@@ -11,6 +12,7 @@ from litags import errors
 from litags.v1 import reconstruction_service_pb2 as rpc
 
 Path = str | os.PathLike[str]
+_log = logging.getLogger("litags")
 
 PHOTO_ENDINGS = frozenset(
     ".jpg .jpeg .jpe .jfif .png .tif .tiff .webp .heic .heif .hif .avif .jxl .dng .nef .nrw .cr2 .cr3 .arw "
@@ -22,6 +24,8 @@ DEPTH_ENDINGS = (".npy", ".pfm", ".png")
 CAMERAS_FILES = ("transforms.json", "sfm_data.json", "cameras.sfm", "cameras.xml", "bundle.out")
 CHUNK_BYTES = 256 << 10
 MIN_PHOTOS = 3  # the service's: fewer make no scene
+# What would steer a terminal, and bytes that are not UTF-8, as the program litags has it.
+_NOT_SHOWN = re.compile(r"[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 @dataclass(frozen=True)
@@ -31,18 +35,21 @@ class File:
     size: int
     sha256: bytes
     tail: bytes = b""  # goes up after the bytes at path
+    trouble: OSError | ValueError | None = None  # why it cannot be sent
 
     @classmethod
     def read(cls, path: pathlib.Path, role: rpc.FileRole, tail: bytes = b"") -> "File":
         try:
-            path.name.encode()
-        except UnicodeEncodeError:
-            raise ValueError(f"{os.fsencode(path)!r}: the file's name is not UTF-8; "
-                             "rename it") from None
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256")
-        digest.update(tail)
-        return cls(path, role, path.stat().st_size + len(tail), digest.digest(), tail)
+            if not _has_utf8_name(path):
+                raise ValueError(f"{os.fsencode(path)!r}: the file's name is not UTF-8; rename it")
+            if path.exists() and not path.is_file():  # to open a pipe would take forever
+                raise ValueError(f"{str(path)!r} is not a file")
+            with path.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256")
+            digest.update(tail)
+            return cls(path, role, path.stat().st_size + len(tail), digest.digest(), tail)
+        except (OSError, ValueError) as error:
+            return cls(path, role, 0, b"", tail, error)
 
     def header(self, offset: int = 0) -> rpc.FileHeader:
         return rpc.FileHeader(file_name=self.path.name, role=self.role, size_bytes=self.size,
@@ -70,9 +77,50 @@ def find_photos(photos: Path | Iterable[Path]) -> list[File]:
     return [File.read(photo, rpc.FILE_ROLE_PHOTO) for photo in paths]
 
 
-def unreadable_photo(found: Iterable[File], error: errors.LitagsError) -> File | None:
-    """The photo that `error` says the service cannot read, if enough others remain."""
-    if not error.reason.startswith("IMAGE_") and error.reason != "FILE_EMPTY":
+def _has_utf8_name(path: pathlib.Path) -> bool:
+    try:
+        path.name.encode()
+        return True
+    except UnicodeEncodeError:
+        return False
+
+
+def sendable(found: list[File], strict: bool) -> list[File]:
+    """Without the photos that cannot be sent from here, as a link to what is gone, and their masks, if
+    enough others remain; without masks whose names cannot be sent, and broken depth maps of no other
+    photo. Raises the trouble of any other file, with `strict` of any. client/upload.cc has the same
+    rule."""
+    for file in [file for file in found if file.trouble]:  # photos are the first
+        if file not in found:  # a mask that went with its photo
+            continue
+        if strict or not _may_be_left_out(file, found):
+            raise file.trouble
+        found = leave_out(file, str(file.trouble), found)
+    return found
+
+
+def _may_be_left_out(file: File, found: Iterable[File]) -> bool:
+    photos = [other for other in found if other.role == rpc.FILE_ROLE_PHOTO and not other.trouble]
+    if file.role == rpc.FILE_ROLE_PHOTO:
+        return len(photos) >= MIN_PHOTOS
+    if file.role == rpc.FILE_ROLE_MASK:  # cameras may say whose it is, but not by such a name
+        return not _has_utf8_name(file.path)
+    # Depth maps are named as masks are.
+    return file.role == rpc.FILE_ROLE_DEPTH and not any(_is_mask_of(photo, file) for photo in photos)
+
+
+def leave_out(file: File, why: str, found: list[File]) -> list[File]:
+    """The others, of a photo without the masks of no other; says so."""
+    masks = masks_only_of(file, found) if file.role == rpc.FILE_ROLE_PHOTO else []
+    names = "".join(f", {mask.path.name}" for mask in masks).replace(",", ", with", 1)
+    _log.warning("%s", _NOT_SHOWN.sub("?", f"{file.path.name} is left out{names}: {why}"))
+    return [other for other in found if other is not file and other not in masks]
+
+
+def refused_photo(found: Iterable[File], error: errors.LitagsError) -> File | None:
+    """The photo that `error` says the service cannot read, or whose name it does not take, if enough
+    others remain."""
+    if not error.reason.startswith("IMAGE_") and error.reason not in ("FILE_EMPTY", "BAD_FILE_NAME"):
         return None
     photos = [file for file in found if file.role == rpc.FILE_ROLE_PHOTO]
     if len(photos) <= MIN_PHOTOS:
@@ -197,7 +245,7 @@ def _bundler_list(cameras: pathlib.Path) -> bytes:
 
 def _files_of(folder: pathlib.Path, endings: Container[str]) -> list[pathlib.Path]:
     return sorted(path for path in folder.iterdir()
-                  if path.suffix.lower() in endings and path.name[0] != ".")
+                  if path.suffix.lower() in endings and path.name[0] != "." and not path.is_dir())
 
 
 def content_digest(found: Iterable[File]) -> bytes:
