@@ -44,7 +44,7 @@ std::string WhyUseless(const DepthMap& map) {
     least = std::min(least, map.depth.data[i]);
     most = std::max(most, map.depth.data[i]);
   }
-  if (least > most) return "no pixel has a depth (all are 0 or not finite)";
+  if (least > most) return "no pixel has a depth (all are 0, not finite or too large)";
   return least == most ? absl::StrCat("every pixel has depth ", least) : "";
 }
 

@@ -73,7 +73,7 @@ class DepthProvider {
 };
 
 // Maps that the user gives with the photos, as FindDepthMap and ReadDepthMap have it, by view.name.
-// 0 and values that are not finite mean unknown. Maps have the photo's aspect ratio
+// 0 and what ReadDepthMap makes NaN mean unknown. Maps have the photo's aspect ratio
 // (CheckDepthShape) and its way up; a larger one is averaged down over its known pixels, a smaller
 // one stays as it is. A photo whose map is all unknown or constant has none, with a note in
 // `notes`, if that is not null. INVALID_ARGUMENT with field "depth/<file>" for maps that cannot be

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -89,6 +90,8 @@ TEST_F(FolderDepth, UnknownPixelsGetNoConfidenceAndFiniteDepth) {
   ramp.at(0, 2, 3) = NAN;
   ramp.at(0, 4, 1) = INFINITY;
   ramp.at(0, 5, 5) = 0;
+  ramp.at(0, 5, 6) = std::numeric_limits<float>::max();
+  ramp.at(0, 5, 7) = 1e10f;
   ASSERT_TRUE(WritePfm(Path("a.pfm"), ramp).ok());
   const auto depth = Depth("a.jpg", 8, 6);
   ASSERT_TRUE(depth.ok()) << depth.status();
@@ -96,7 +99,7 @@ TEST_F(FolderDepth, UnknownPixelsGetNoConfidenceAndFiniteDepth) {
   ASSERT_FALSE(map.confidence.empty());
   for (int y = 0; y < 6; ++y) {
     for (int x = 0; x < 8; ++x) {
-      const bool unknown = (y == 2 && x == 3) || (y == 4 && x == 1) || (y == 5 && x == 5);
+      const bool unknown = (y == 2 && x == 3) || (y == 4 && x == 1) || (y == 5 && x >= 5);
       EXPECT_EQ(map.confidence.at(0, y, x), unknown ? 0 : 1);
       EXPECT_EQ(map.depth.at(0, y, x), unknown ? 0 : ramp.at(0, y, x));
     }
@@ -106,6 +109,7 @@ TEST_F(FolderDepth, UnknownPixelsGetNoConfidenceAndFiniteDepth) {
 TEST_F(FolderDepth, AMapOfTwiceTheSizeIsAveraged) {
   Planes big = Ramp(16, 12);
   big.at(0, 0, 0) = 0;  // one of the four pixels under (0, 0) is unknown
+  big.at(0, 11, 15) = std::numeric_limits<float>::max();  // and of those under (7, 5)
   ASSERT_TRUE(WritePfm(Path("a.pfm"), big).ok());
   const auto depth = Depth("a.jpg", 8, 6);
   ASSERT_TRUE(depth.ok()) << depth.status();
@@ -113,6 +117,7 @@ TEST_F(FolderDepth, AMapOfTwiceTheSizeIsAveraged) {
   ASSERT_EQ(map.width, 8);
   EXPECT_TRUE((*depth)->confidence.empty());  // three of four are known
   EXPECT_NEAR(map.at(0, 0, 0), (2 + 11 + 12) / 3.0, 1e-5);
+  EXPECT_NEAR(map.at(0, 5, 7), (115 + 116 + 125) / 3.0, 1e-3);
   EXPECT_NEAR(map.at(0, 2, 3), 1 + 6.5 + 10 * 4.5, 1e-4);
 }
 

@@ -22,6 +22,10 @@
 namespace litags {
 namespace {
 
+// The largest magnitude of a depth; 1,000 km in millimetres. Programs write more where there is
+// nothing: FLT_MAX, 1e10 (Blender), the largest int32. Choice
+constexpr float kMostDepth = 1e9f;
+
 absl::Status CheckSize(int64_t width, int64_t height, std::string_view field,
                        const ImageLimits& limits) {
   if (width < 1 || height < 1) {
@@ -174,13 +178,17 @@ absl::StatusOr<Planes> DecodeDepthMap(std::string_view bytes, std::string_view f
   LITAGS_ASSIGN_OR_RETURN(Planes map, DecodeAny(bytes, field, limits));
   bool any = false;
   for (float& value : map.data) {
-    if (std::isfinite(value)) {
+    if (std::abs(value) <= kMostDepth) {
       any = true;
     } else {
       value = std::numeric_limits<float>::quiet_NaN();
     }
   }
-  if (!any) return InvalidField("NOT_FINITE", field, "the map holds no finite value");
+  if (!any) {
+    return InvalidField(
+        "NOT_FINITE", field,
+        absl::StrCat("every value of the map is NaN, infinite or beyond ", kMostDepth));
+  }
   return map;
 }
 

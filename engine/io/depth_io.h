@@ -15,8 +15,8 @@ namespace litags {
 
 // Reads a map as [1, H, W], by what the file is, not by its name: .pfm (one channel), .npy ([H, W],
 // [1, H, W] or [H, W, 1]) or .png (one channel of 16 bits; values are the codes). Values that
-// are not finite become NaN: no measurement. INVALID_ARGUMENT if it is none of these, broken,
-// larger than `limits` (which fuzzing makes small), or has no finite value.
+// are not finite or beyond +-1e9 become NaN: no measurement. INVALID_ARGUMENT if it is none of
+// these, broken, larger than `limits` (which fuzzing makes small), or has no other value.
 absl::StatusOr<Planes> ReadDepthMap(const std::string& path, std::string_view field);
 absl::StatusOr<Planes> DecodeDepthMap(std::string_view bytes, std::string_view field,
                                       const ImageLimits& limits = {});

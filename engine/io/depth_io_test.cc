@@ -107,6 +107,30 @@ TEST(DepthMap, MarksWhatIsNotFiniteAsNaN) {
   EXPECT_EQ(Reason(DecodeDepthMap(EncodePfm(map), "f").status()), "NOT_FINITE");
 }
 
+// Of depth, float's largest, Blender's for the background and int32's largest are no distances.
+TEST(DepthMap, MarksWhatIsTooLargeForADepthAsNaN) {
+  constexpr float kMost = std::numeric_limits<float>::max();
+  for (const float none : {kMost, -kMost, 1e10f, 2147483648.0f, 1.1e9f}) {
+    Planes map = Ramp(1, 3);
+    map.data[0] = none;
+    const auto back = DecodeDepthMap(EncodePfm(map), "f");
+    ASSERT_TRUE(back.ok()) << back.status();
+    EXPECT_TRUE(std::isnan(back->data[0])) << none;
+    EXPECT_EQ(back->data[1], 0.75f);
+    for (float& v : map.data) v = none;
+    EXPECT_EQ(Reason(DecodeDepthMap(EncodePfm(map), "f").status()), "NOT_FINITE") << none;
+  }
+}
+
+// A map may have any unit and offset.
+TEST(DepthMap, OtherNumbersAreDepths) {
+  Planes map(1, 1, 5);
+  map.data = {-1, 10000, 65504, 65535, 1e9f};
+  const auto back = DecodeDepthMap(EncodePfm(map), "f");
+  ASSERT_TRUE(back.ok()) << back.status();
+  EXPECT_EQ(back->data, map.data);
+}
+
 TEST(DepthMap, RefusesWhatIsNoMap) {
   const auto reason = [](const std::string& bytes) {
     return Reason(DecodeDepthMap(bytes, "f", {.max_pixels = 1 << 20}).status());

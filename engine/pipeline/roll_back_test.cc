@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -19,18 +20,19 @@ using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 
-// Photos with uploaded depth maps, some of them with values at the ends of what a float can hold:
-// finite, so they are accepted, but their differences are not.
+// Photos with uploaded depth maps, some of them in a unit so large that depths are the smallest
+// numbers of a float: they are accepted, but the gradient of their correlation is beyond a float.
 class HostileDepth {
  public:
   explicit HostileDepth(const std::vector<int>& spoilt) {
     const std::filesystem::path dir = photos_.Photo("../depth");
     std::filesystem::create_directory(dir);
+    constexpr float kLeast = std::numeric_limits<float>::denorm_min();
     for (int i = 0; i < kPhotos; ++i) {
       const bool bad = std::find(spoilt.begin(), spoilt.end(), i) != spoilt.end();
       Planes map(1, kHeight, kWidth);
       for (size_t k = 0; k < map.data.size(); ++k) {
-        map.data[k] = bad ? (k % 8 == 0 ? -3e38f : 3e38f) : 3 + 0.01f * (k % 97);
+        map.data[k] = bad ? (k % 8 == 0 ? 3 : 1) * kLeast : 3 + 0.01f * (k % 97);
       }
       EXPECT_TRUE(WritePfm(dir / ("photo" + std::to_string(i) + ".pfm"), map).ok());
     }
