@@ -95,7 +95,7 @@ void AddPoints(const std::vector<SparsePoint>& points, Fingerprint* f) {
 
 // Of the code that makes targets, information weights and structure maps of photos: where it
 // changes so that a checkpoint must not go on with what it makes now, this is raised.
-constexpr int kTargetsVersion = 5;
+constexpr int kTargetsVersion = 6;
 
 // What depth can be computed from. Not the targets: their last bits differ from one processor to
 // another, and a job may be resumed on another one; what they are made from does not.

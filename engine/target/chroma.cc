@@ -27,7 +27,7 @@ double LumaNoise(const FloatImage& codes, const PlaneU8& mask) {
 Photo SmoothChroma(const Photo& photo, double gain, double strength,
                    const std::function<double(double linear)>& curve, const PlaneU8& mask) {
   const FloatImage linear = LinearImage(photo);
-  const CurveTable table(curve, std::min(1.0, 1 / gain));
+  const CurveTable table(curve, 1 / gain);
   FloatImage codes = table(linear);
   const double noise = LumaNoise(codes, mask);
   if (strength > 0 && noise > kVisibleChromaNoise) {

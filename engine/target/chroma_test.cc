@@ -172,6 +172,27 @@ TEST(Chroma, NoiseAroundBlackStaysSymmetric) {
   }
 }
 
+// A lens that is dark at the corners and a white balance are taken out before: light goes beyond
+// the photo's white, and a photo brighter than its capture is made darker.
+TEST(Chroma, LightBeyondWhiteIsNotCutOffWhereThePhotoIsMadeDarker) {
+  constexpr double kDarker = 0.6;
+  const auto curve = [](double linear) {
+    return SrgbFromLinear(std::clamp(kDarker * linear, 0.0, 1.0));
+  };
+  Photo photo(kWidth, kHeight);
+  std::mt19937 random(1);
+  for (int16_t& sample : photo.data) {
+    sample = PhotoSample(static_cast<float>(SrgbFromLinear(1.5)));
+    sample = static_cast<int16_t>(sample + static_cast<int>(random() % 512) - 256);  // noise
+  }
+  for (const double strength : {0.0, kStrength}) {
+    const Photo target = SmoothChroma(photo, kDarker, strength, curve);
+    double mean = 0;
+    for (const int16_t sample : target.data) mean += EncodedOf(sample) / target.data.size();
+    EXPECT_NEAR(mean, SrgbFromLinear(kDarker * 1.5), 2e-3) << strength;
+  }
+}
+
 TEST(Chroma, OddPhotos) {
   for (const auto& [width, height] : {std::pair{1, 1}, {1, 40}, {40, 1}, {2, 3}, {5, 5}}) {
     for (const int code : {0, 1, 255}) {
