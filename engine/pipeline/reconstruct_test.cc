@@ -113,6 +113,24 @@ TEST(Reconstruct, TurnsPhotosIntoASceneAndAReport) {
   EXPECT_EQ(static_cast<int64_t>(read->splats.size()), report->gaussians);
 }
 
+TEST(Reconstruct, ASceneThatDissolvedIsNoted) {
+  const Photographs photos;
+  ReconstructOptions options = SmallOptions();
+  options.recipe->densify_start = options.recipe->densify_every = 10;
+  for (const double prune_opacity : {0.0, 1.0}) {
+    options.recipe->prune_opacity = prune_opacity;
+    const auto report = Reconstruct(photos.Input(prune_opacity > 0 ? "all" : "none"), options);
+    ASSERT_TRUE(report.ok()) << report.status();
+    const auto noted = Contains(HasSubstr("training removed all Gaussians but 1"));
+    if (prune_opacity > 0) {
+      EXPECT_EQ(report->gaussians, 1);
+      EXPECT_THAT(report->notes, noted);
+    } else {
+      EXPECT_THAT(report->notes, Not(noted));
+    }
+  }
+}
+
 TEST(Reconstruct, ReportsProgressInOrder) {
   const Photographs photos;
   const ReconstructInput input = photos.Input("work");

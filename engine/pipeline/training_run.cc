@@ -143,6 +143,12 @@ void TrainingRun::Finish() {
   if (options_.refine_cameras) NoteRefinement();
   ReconstructReport* report = context_.report;
   report->gaussians = static_cast<int64_t>(trainer_.num_gaussians());
+  if (report->gaussians == 1) {
+    context_.Note(absl::StrCat(
+        "training removed all Gaussians but ", report->gaussians,
+        ", since they had become transparent: the scene shows nothing; check whether the cameras "
+        "fit the photos"));
+  }
   report->iterations = trainer_.iteration();
   report->training_seconds = step_seconds_;
   const PhaseSeconds& phases = trainer_.phases();

@@ -5,6 +5,7 @@
 #include <limits>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "engine/core/rng.h"
@@ -16,12 +17,26 @@ namespace {
 
 constexpr uint64_t kGrowthStream = 0x5350;  // random numbers of growth
 
-// Worth keeping: opaque enough, and every parameter a number.
-bool IsKept(const Splats& s, size_t i, double prune_opacity) {
+bool IsFinite(const Splats& s, size_t i) {
   for (int row = 0; row < kSplatRows; ++row) {
     if (!std::isfinite(s.at(i, row))) return false;
   }
-  return Opacity(s, i) >= prune_opacity;
+  return true;
+}
+
+// Worth keeping: opaque enough, and every parameter a number.
+bool IsKept(const Splats& s, size_t i, double prune_opacity) {
+  return IsFinite(s, i) && Opacity(s, i) >= prune_opacity;
+}
+
+// Of those that are finite; the first if none is.
+uint32_t MostOpaque(const Splats& s) {
+  std::optional<uint32_t> most;
+  for (uint32_t i = 0; i < s.size(); ++i) {
+    if (!IsFinite(s, i)) continue;
+    if (!most.has_value() || s.at(i, kLogitOpacity) > s.at(*most, kLogitOpacity)) most = i;
+  }
+  return most.value_or(0);
 }
 
 // The Gaussians to grow: score over the threshold, the `budget` largest of them.
@@ -131,7 +146,7 @@ void ControlDensity(const TrainOptions& options, double extent, int iteration, S
   std::vector<uint32_t> order = MortonOrder(state->params);
   std::erase_if(
       order, [&](uint32_t i) { return !IsKept(state->params, i, options.recipe.prune_opacity); });
-  if (order.empty()) order.push_back(0);  // a scene is never empty
+  if (order.empty()) order.push_back(MostOpaque(state->params));  // a scene is never empty
   state->Rearrange(order);
   stats->Reset(order.size());
 }

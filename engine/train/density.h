@@ -39,9 +39,9 @@ struct DensityStats {
 
 // One density step. Gaussians whose score exceeds recipe.densify_grad become two, as recipe.growth
 // says, strongest first while the budget lasts. Nearly transparent ones and those with a parameter
-// that is not finite are removed (one Gaussian always stays). All are put in Morton order, so that
-// blocks of 16 are neighbours in space. Random numbers depend on (seed, iteration, Gaussian) only.
-// Stats are reset.
+// that is not finite are removed (the most opaque one stays if all are). All are put in Morton
+// order, so that blocks of 16 are neighbours in space. Random numbers depend on (seed, iteration,
+// Gaussian) only. Stats are reset.
 void ControlDensity(const TrainOptions& options, double extent, int iteration, SplatState* state,
                     DensityStats* stats);
 

@@ -219,6 +219,18 @@ TEST(Density, NeverEmptiesTheScene) {
   EXPECT_EQ(state.params.size(), 1u);
 }
 
+TEST(Density, TheOneThatStaysIsTheMostOpaqueThatIsFinite) {
+  SplatState state = Line(5, 0.05);
+  for (size_t i = 0; i < 5; ++i) {
+    state.params.at(i, kLogitOpacity) = -20 + static_cast<float>(i % 4);
+  }
+  state.params.at(0, kMean) = std::numeric_limits<float>::quiet_NaN();
+  state.params.at(3, kShDc + 1) = std::numeric_limits<float>::infinity();
+  DensityStats stats = Stats({0, 0, 0, 0, 0});
+  ControlDensity(TrainOptions(), kExtent, 600, &state, &stats);
+  EXPECT_EQ(Identities(state), std::multiset<int>{2});
+}
+
 TEST(Density, ASecondRunGivesTheSameBytesAndAnotherSeedDoesNot) {
   const auto run = [](uint64_t seed, int iteration) {
     SplatState state = Line(100, 0.5);
