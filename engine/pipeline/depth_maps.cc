@@ -15,6 +15,7 @@
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
 #include "engine/core/photo_names.h"
+#include "engine/core/pixel_at.h"
 #include "engine/core/quantile.h"
 #include "engine/core/spread_indices.h"
 #include "engine/depth/depth_provider.h"
@@ -205,10 +206,9 @@ absl::Status CheckGrowWithDistance(const std::vector<PosedPhoto>& photos, const 
       const Camera camera = photos[i].view->camera.Scaled(map.depth.width, map.depth.height);
       const auto [x, y, z] = camera.CamFromWorld(point.xyz);
       const double column = camera.fx * x / z + camera.cx, row = camera.fy * y / z + camera.cy;
-      const bool inside =
-          z > 0 && column >= 0 && column < camera.width && row >= 0 && row < camera.height;
-      if (!inside) continue;
-      const int u = static_cast<int>(column), v = static_cast<int>(row);
+      const auto pixel = PixelAt(column, row, camera.width, camera.height);
+      if (!(z > 0) || !pixel.has_value()) continue;
+      const auto [u, v] = *pixel;
       if (!map.confidence.empty() && map.confidence.at(0, v, u) == 0) continue;
       pairs[i].push_back({z, map.depth.at(0, v, u)});
     }

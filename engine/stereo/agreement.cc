@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <vector>
 
+#include "engine/core/pixel_at.h"
 #include "engine/stereo/correlate.h"
 
 namespace litags {
@@ -22,12 +24,12 @@ double DepthRatio(const Transfer& t, const Surface& other, double x, double y,
                   double inverse_depth) {
   const std::array<double, 3> q = t.Project(x, y, inverse_depth);
   if (!(q[2] > 0)) return 0;
-  const double u = std::floor(q[0] / q[2]), v = std::floor(q[1] / q[2]);
-  if (!(u >= 0 && v >= 0 && u < other.inverse_depth.width && v < other.inverse_depth.height)) {
-    return 0;
-  }
+  const Planes& seen_by_other = other.inverse_depth;
+  const std::optional<PixelIndex> pixel =
+      PixelAt(q[0] / q[2], q[1] / q[2], seen_by_other.width, seen_by_other.height);
+  if (!pixel.has_value()) return 0;
   const double expected = q[2] / inverse_depth;
-  const double seen = other.inverse_depth.at(0, static_cast<int>(v), static_cast<int>(u));
+  const double seen = seen_by_other.at(0, pixel->y, pixel->x);
   return 1 / (seen * expected);
 }
 

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "engine/core/error.h"
+#include "engine/core/pixel_at.h"
 #include "engine/stereo/correlate.h"
 #include "engine/stereo/semi_global.h"
 
@@ -74,8 +76,8 @@ class Matcher {
     for (const Transfer& t : transfers_) {
       travel = std::max(travel, LongestTravel(t, camera_, labels.first, last));
     }
-    labels.count =
-        std::clamp(static_cast<int>(std::ceil(travel / kStepPx)) + 1, kMinLabels, kMaxLabels);
+    labels.count = static_cast<int>(
+        std::clamp<double>(std::ceil(travel / kStepPx) + 1, kMinLabels, kMaxLabels));
     labels.step = (last - labels.first) / (labels.count - 1);
     return labels;
   }
@@ -137,12 +139,12 @@ absl::StatusOr<CostVolume> SweepPlanes(Matcher* matcher, const Camera& camera, c
 void AddAnchors(const ViewPlan& plan, const Labels& labels, CostVolume* volume) {
   const double most = kAnchorWeight * kCostScale;
   for (const Anchor& anchor : plan.anchors) {
-    const int x = static_cast<int>(std::floor(anchor.x)),
-              y = static_cast<int>(std::floor(anchor.y));
-    if (x < 0 || y < 0 || x >= volume->width || y >= volume->height) continue;
+    const std::optional<PixelIndex> pixel =
+        PixelAt(anchor.x, anchor.y, volume->width, volume->height);
+    if (!pixel.has_value()) continue;
     const double wanted = (1 / anchor.depth - labels.first) / labels.step;
     if (wanted < 0 || wanted > labels.count - 1) continue;
-    uint8_t* cost = volume->at(size_t(y) * volume->width + x);
+    uint8_t* cost = volume->at(size_t(pixel->y) * volume->width + pixel->x);
     for (int label = 0; label < labels.count; ++label) {
       const double away = std::max(0.0, std::abs(label - wanted) - 1);
       cost[label] =

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
+
+#include "engine/core/pixel_at.h"
 
 namespace litags {
 namespace {
@@ -42,11 +45,10 @@ LampLight::LampLight(absl::Span<const PointSighting> seen, int width, int height
   const int w = log_light_.width, h = log_light_.height;
   std::vector<int> points(size_t(w) * h, 0);
   for (const PointSighting& s : seen) {
-    const int x = static_cast<int>(std::floor(s.x / side_)),
-              y = static_cast<int>(std::floor(s.y / side_));
-    if (x < 0 || y < 0 || x >= w || y >= h) continue;
-    log_light_.at(0, y, x) += static_cast<float>(std::log(s.lit));
-    ++points[y * w + x];
+    const std::optional<PixelIndex> square = PixelAt(s.x / side_, s.y / side_, w, h);
+    if (!square.has_value()) continue;
+    log_light_.at(0, square->y, square->x) += static_cast<float>(std::log(s.lit));
+    ++points[square->y * w + square->x];
   }
   std::vector<bool> known;
   for (size_t i = 0; i < points.size(); ++i) {

@@ -34,6 +34,8 @@ TEST(LampLight, IsThatOfThePointsAndGoesOnBetweenThem) {
 TEST(LampLight, IsOneWithoutPointsAndForOnesOutside) {
   EXPECT_EQ(LampLight({}, 30, 40).At(3, 3), 1);
   EXPECT_EQ(LampLight({Seen(-1, 3, 4), Seen(3, 41, 4)}, 30, 40).At(29.9, 39.9), 1);
+  constexpr double kFar = 1e300;  // a point beside the camera
+  EXPECT_EQ(LampLight({Seen(kFar, 3, 4), Seen(3, NAN, 4)}, 30, 40).At(3, 3), 1);
 }
 
 // Two halves of a photo, one lit four times as much.

@@ -10,6 +10,7 @@
 #include "engine/core/color.h"
 #include "engine/core/mask.h"
 #include "engine/core/parallel.h"
+#include "engine/core/pixel_at.h"
 #include "engine/core/quantile.h"
 #include "engine/target/sample_counts.h"
 
@@ -194,7 +195,9 @@ std::vector<double> FromLogs(const std::vector<double>& logs) {
 
 std::optional<PatchLight> PatchLightAt(const Photo& photo, const PlaneU8& mask, double x,
                                        double y) {
-  const int px = static_cast<int>(std::floor(x)), py = static_cast<int>(std::floor(y));
+  const std::optional<PixelIndex> middle = PixelAt(x, y, photo.width, photo.height);
+  if (!middle.has_value()) return std::nullopt;
+  const auto [px, py] = *middle;
   if (px < kRadius || py < kRadius || px + kRadius >= photo.width || py + kRadius >= photo.height)
     return std::nullopt;
   constexpr double kPart = 1.0 / ((2 * kRadius + 1) * (2 * kRadius + 1));

@@ -11,6 +11,7 @@
 #include "engine/core/camera_spread.h"
 #include "engine/core/error.h"
 #include "engine/core/mask.h"
+#include "engine/core/pixel_at.h"
 #include "engine/core/splats.h"
 
 namespace litags {
@@ -89,11 +90,9 @@ std::array<double, 3> PointColor(const SparsePoint& point, absl::Span<const int>
     const Camera& camera = views[v].view.camera;
     if (p[2] <= 0) continue;
     const auto [px, py] = camera.Project(p);
-    const int x = static_cast<int>(std::floor(px)), y = static_cast<int>(std::floor(py));
-    if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
-    const PlaneU8& mask = views[v].mask;
-    if (!Counts(mask, x, y)) continue;
-    const int16_t* pixel = views[v].target.pixel(x, y);
+    const std::optional<PixelIndex> at = PixelAt(px, py, camera.width, camera.height);
+    if (!at.has_value() || !Counts(views[v].mask, at->x, at->y)) continue;
+    const int16_t* pixel = views[v].target.pixel(at->x, at->y);
     for (int c = 0; c < 3; ++c) sum[c] += EncodedOf(pixel[c]);
     ++seen;
   }
