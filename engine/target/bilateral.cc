@@ -39,8 +39,8 @@ namespace litags {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Without fused operations, so that targets, which name a checkpoint's photos, are the same bytes
-// on every processor.
+// Without fused operations, so that every instruction set gives the definition's bytes, which a
+// test compares. Targets may differ all the same: what is done before and after is not held to it.
 void FilterRow(const BilateralRow& r) {
   const HWY_CAPPED(float, kMostLanes) d;
   const auto zero = hn::Zero(d), one = hn::Set(d, 1.0f), per_range = hn::Set(d, r.per_range);
