@@ -5,7 +5,9 @@
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <set>
 #include <system_error>
+#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
@@ -77,29 +79,66 @@ uintmax_t ListBytes(const fs::path& model) {
   return most;
 }
 
-// By path, whatever the disk's order is. "colmap/sparse/0/cameras.bin" is the deepest that is
-// meant.
-std::map<fs::path, Source> SourcesIn(const fs::path& dir, const std::string& photos) {
-  constexpr int kMostFolders = 3;
-  std::map<fs::path, Source> sources;
-  std::error_code error, ignored;
-  fs::recursive_directory_iterator it(dir, fs::directory_options::skip_permission_denied, error);
-  for (const fs::recursive_directory_iterator end; !error && it != end; it.increment(error)) {
-    const std::string name = it->path().filename().string();
-    const bool hidden = name.starts_with('.');
-    if (hidden || it.depth() == kMostFolders || (it.depth() == 0 && IsLeftOut(name, photos))) {
-      it.disable_recursion_pending();
+// Names of the folders in `dir`, first those whose names say what is in them, then links, whose
+// names somebody chose.
+std::vector<std::string> FolderNamesIn(const fs::path& dir) {
+  std::set<std::pair<int, std::string>> folders;
+  std::error_code ignored;
+  for (const fs::directory_entry& entry : EntriesOf(dir, &ignored)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with('.') || !entry.is_directory(ignored)) continue;
+    const bool known = name == "sparse" || name == "colmap" || name.starts_with("images");
+    folders.emplace(known ? 0 : entry.is_symlink(ignored) ? 1 : 2, name);
+  }
+  std::vector<std::string> names;
+  for (const auto& [turn, name] : folders) names.push_back(name);
+  return names;
+}
+
+// Of real paths: whether the dataset lies in `folder`, where others may lie, too.
+bool LeadsUp(const fs::path& folder, const fs::path& dataset) {
+  return std::mismatch(folder.begin(), folder.end(), dataset.begin(), dataset.end()).first ==
+         folder.end();
+}
+
+// The dataset's folders that may hold cameras, seen from `dir`, the outer ones first. A linked one
+// is as one that is there; each is listed once, so that links in a circle end.
+// engine/tools/inspect/dataset_folder.cc has the same rule.
+std::vector<fs::path> FoldersIn(const fs::path& dir, const std::string& photos) {
+  constexpr int kMostFolders = 3;  // "colmap/sparse/0/cameras.bin" is the deepest that is meant
+  std::error_code ignored;
+  const fs::path dataset = fs::canonical(dir, ignored);
+  std::set<fs::path> seen;
+  std::vector<fs::path> folders = {""};
+  for (size_t i = 0; i < folders.size(); ++i) {
+    const fs::path folder = folders[i];
+    if (std::distance(folder.begin(), folder.end()) == kMostFolders) continue;
+    for (const std::string& name : FolderNamesIn(dir / folder)) {
+      if (folder.empty() && IsLeftOut(name, photos)) continue;
+      const fs::path real = fs::canonical(dir / folder / name, ignored);
+      if (!LeadsUp(real, dataset) && seen.insert(real).second) folders.push_back(folder / name);
     }
-    if (hidden || !it->is_regular_file(ignored)) continue;
-    const fs::path path = it->path().lexically_relative(dir), folder = path.parent_path();
+  }
+  return folders;
+}
+
+// By path, whatever the disk's order is.
+std::map<fs::path, Source> SourcesIn(const fs::path& dir, const std::string& photos) {
+  std::map<fs::path, Source> sources;
+  std::error_code ignored;
+  for (const fs::path& folder : FoldersIn(dir, photos)) {
     // Text of this name may be anything, save where COLMAP's is.
     const bool colmap = absl::StrContains(folder.string(), "sparse") ||
                         absl::StrContains(folder.string(), "colmap");
-    if (name == "cameras.bin" || (name == "cameras.txt" && colmap)) {
-      sources[folder] = {folder, /*is_model=*/true, ListBytes(it->path().parent_path())};
-    } else if (std::find(std::begin(kCamerasFiles), std::end(kCamerasFiles), name) !=
-               std::end(kCamerasFiles)) {
-      sources[path] = {path};
+    for (const fs::directory_entry& entry : EntriesOf(dir / folder, &ignored)) {
+      const std::string name = entry.path().filename().string();
+      if (!entry.is_regular_file(ignored)) continue;
+      if (name == "cameras.bin" || (name == "cameras.txt" && colmap)) {
+        sources[folder] = {folder, /*is_model=*/true, ListBytes(dir / folder)};
+      } else if (std::find(std::begin(kCamerasFiles), std::end(kCamerasFiles), name) !=
+                 std::end(kCamerasFiles)) {
+        sources[folder / name] = {folder / name};
+      }
     }
   }
   return sources;

@@ -176,8 +176,13 @@ class Package(harness.ServiceTest):
                 continue
             names, used, _ = line.split(" | ")
             folder = pathlib.Path(self.folder, f"layout-{number}")
-            for name, _, images in (word.partition("=") for word in names.split()):
+            for word in names.split():
+                file, link, target = word.partition(">")
+                name, _, images = file.partition("=")
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                if link:
+                    (folder / name).symlink_to(target)
+                    continue
                 images = int(images or 0)
                 lines = b"1 1 0 0 0 0 0 0 1 a.png\n" * images
                 head = images.to_bytes(8, "little") if name.endswith(".bin") else b""

@@ -15,7 +15,8 @@ namespace litags {
 
 struct CameraLayout {
   std::vector<std::pair<std::string, int>> files;  // with numbers of images
-  std::string named, alone;                        // used by `--cameras DIR`, and by DIR
+  std::vector<std::pair<std::string, std::string>> links;
+  std::string named, alone;  // used by `--cameras DIR`, and by DIR
 
   // The number of images as a model's list has it.
   static std::string ListOf(const std::string& name, int images) {
@@ -33,6 +34,10 @@ struct CameraLayout {
     std::filesystem::remove_all(dir);
     std::filesystem::create_directories(dir / "images");
     std::ofstream(dir / "images/a.png") << "x";
+    for (const auto& [name, target] : links) {
+      std::filesystem::create_directories((dir / name).parent_path());
+      std::filesystem::create_symlink(target, dir / name);
+    }
     for (const auto& [name, images] : files) {
       std::filesystem::create_directories((dir / name).parent_path());
       std::ofstream(dir / name, std::ios::binary) << ListOf(name, images);
@@ -54,7 +59,11 @@ struct CameraLayout {
       CameraLayout layout;
       std::istringstream words(line);
       for (std::string word; words >> word && word != "|";) {
-        const size_t mark = word.find('=');
+        const size_t arrow = word.find('>'), mark = word.find('=');
+        if (arrow != std::string::npos) {
+          layout.links.emplace_back(word.substr(0, arrow), word.substr(arrow + 1));
+          continue;
+        }
         layout.files.emplace_back(word.substr(0, mark),
                                   mark == std::string::npos ? 0 : std::stoi(word.substr(mark + 1)));
       }

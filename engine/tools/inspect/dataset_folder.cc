@@ -4,7 +4,9 @@
 #include <cstdio>
 #include <filesystem>
 #include <initializer_list>
+#include <iterator>
 #include <optional>
+#include <set>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -43,26 +45,58 @@ Kind KindOf(const std::string& folder, const std::string& name) {
   return IsPhotoName(name) ? Kind::kPhoto : Kind::kOther;
 }
 
-// None if `dir` is no folder. A folder in it that may not be read is left out.
-absl::StatusOr<std::vector<DatasetFile>> FilesIn(const fs::path& dir) {
-  std::vector<DatasetFile> files;
+// Adds the files of one folder of the dataset; returns the folders in it, first those whose names
+// say what is in them, then links, whose names somebody chose. None if it may not be read.
+absl::StatusOr<std::vector<std::string>> ReadFolder(const fs::path& dir, const std::string& folder,
+                                                    std::vector<DatasetFile>* files) {
+  std::set<std::pair<int, std::string>> folders;
   std::error_code error, ignored;
-  if (!fs::is_directory(dir, ignored)) return files;
-  fs::recursive_directory_iterator it(dir, fs::directory_options::skip_permission_denied, error);
-  for (const fs::recursive_directory_iterator end; !error && it != end; it.increment(error)) {
+  fs::directory_iterator it(dir / folder, fs::directory_options::skip_permission_denied, error);
+  for (const fs::directory_iterator end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename();
-    if (name.starts_with('.') || it.depth() == kMostFolders) it.disable_recursion_pending();
-    if (name.starts_with('.') || !it->is_regular_file(ignored)) continue;
-    DatasetFile file{it->path().parent_path().lexically_relative(dir), name};
-    if (file.folder == ".") file.folder.clear();
-    file.kind = KindOf(file.folder, name);
+    if (name.starts_with('.')) continue;
+    if (it->is_directory(ignored)) {
+      const bool known = name == "sparse" || name == "colmap" || name.starts_with("images");
+      folders.emplace(known ? 0 : it->is_symlink(ignored) ? 1 : 2, name);
+    }
+    if (!it->is_regular_file(ignored)) continue;
+    DatasetFile file{folder, name, KindOf(folder, name)};
     if (file.kind == Kind::kModel) file.bytes = static_cast<int64_t>(it->file_size(ignored));
-    files.push_back(std::move(file));
+    files->push_back(std::move(file));
   }
   if (error) {
     return MakeError(
         absl::StatusCode::kInternal, "IO_ERROR", "dir",
         absl::StrCat("cannot list the folder '", dir.string(), "': ", error.message()));
+  }
+  std::vector<std::string> names;
+  for (const auto& [turn, name] : folders) names.push_back(name);
+  return names;
+}
+
+// Of real paths: whether the dataset lies in `folder`, where others may lie, too.
+bool LeadsUp(const fs::path& folder, const fs::path& dataset) {
+  return std::mismatch(folder.begin(), folder.end(), dataset.begin(), dataset.end()).first ==
+         folder.end();
+}
+
+// None if `dir` is no folder. A linked folder is as one that is there; each is read once, so that
+// links in a circle end. client/cameras_source.cc has the same rule.
+absl::StatusOr<std::vector<DatasetFile>> FilesIn(const fs::path& dir) {
+  std::vector<DatasetFile> files;
+  std::error_code ignored;
+  if (!fs::is_directory(dir, ignored)) return files;
+  const fs::path dataset = fs::canonical(dir, ignored);
+  std::set<fs::path> seen;
+  std::vector<fs::path> folders = {""};  // the outer ones first
+  for (size_t i = 0; i < folders.size(); ++i) {
+    const fs::path folder = folders[i];
+    LITAGS_ASSIGN_OR_RETURN(const std::vector<std::string> inner, ReadFolder(dir, folder, &files));
+    if (std::distance(folder.begin(), folder.end()) == kMostFolders) continue;
+    for (const std::string& name : inner) {
+      const fs::path real = fs::canonical(dir / folder / name, ignored);
+      if (!LeadsUp(real, dataset) && seen.insert(real).second) folders.push_back(folder / name);
+    }
   }
   // The order of a folder's files is the disk's.
   std::sort(files.begin(), files.end(),

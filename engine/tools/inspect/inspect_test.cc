@@ -278,6 +278,26 @@ TEST(DatasetFolder, OfSeveralCamerasTheFirstOfTheListIsTaken) {
   }
 }
 
+TEST(DatasetFolder, MayBeOfLinksToFolders) {
+  TempDir temp;
+  for (const char* file : {"raw/a.jpg", "model/0/cameras.bin", "covers/a.png"}) {
+    fs::create_directories(fs::path(temp / file).parent_path());
+    ASSERT_TRUE(WriteFileAtomically(temp / file, "x").ok());
+  }
+  const std::string dir = temp / "d";
+  fs::create_directory(dir);
+  fs::create_symlink("../raw", dir + "/images");
+  fs::create_symlink("images", dir + "/images_2");
+  fs::create_symlink("../model", dir + "/sparse");
+  fs::create_symlink("../covers", dir + "/masks");
+  std::string photos = dir, cameras, masks, depth;
+  const absl::Status status = UseDatasetFolder(true, &photos, &cameras, &masks, &depth);
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_EQ(photos, dir + "/images");
+  EXPECT_EQ(cameras, dir + "/sparse/0");
+  EXPECT_EQ(masks, dir + "/masks");
+}
+
 TEST(DatasetFolder, ThatCannotBeReadToItsEndIsAnErrorNotASmallerOne) {
   TempDir temp;
   const std::string dir = temp / "d";
