@@ -30,7 +30,9 @@ int HowNamed(const std::string& photo, absl::FunctionRef<bool(const std::string&
 std::vector<std::string> DepthMapNames(const std::string& photo) {
   std::vector<std::string> names;
   for (const std::string& base : {photo, WithoutEnding(photo)}) {
-    for (const char* ending : {".npy", ".pfm", ".png"}) names.push_back(base + ending);
+    for (const char* ending : {".npy", ".NPY", ".pfm", ".PFM", ".png", ".PNG"}) {
+      names.push_back(base + ending);
+    }
   }
   return names;
 }

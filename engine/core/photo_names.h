@@ -35,7 +35,8 @@ class PhotoNames {
 int HowNamed(const std::string& photo, absl::FunctionRef<bool(const std::string& key)> has);
 
 // What a photo's depth map may be called, best first: <photo's whole name>.npy, .pfm, .png, then
-// <photo's stem>.npy, .pfm, .png. A PNG beside another may be a picture of it.
+// <photo's stem>.npy, .pfm, .png, each ending also as .NPY. A PNG beside another may be a picture
+// of it.
 std::vector<std::string> DepthMapNames(const std::string& photo);
 
 // `map`: the first of DepthMapNames(photo) that there is. INVALID_ARGUMENT (DEPTH_MAP_AMBIGUOUS) if

@@ -159,7 +159,7 @@ TEST(DepthMap, RefusesEveryTruncation) {
 TEST(FindDepthMap, PrefersThePhotosWholeNameAndNpyThenPfmThenPng) {
   TempDir dir;
   EXPECT_EQ(FindDepthMap(dir.path(), "a.jpg"), "");
-  for (const char* name : {"a.png", "a.pfm", "a.npy", "a.jpg.png", "a.jpg.npy"}) {
+  for (const char* name : {"a.png", "a.pfm", "a.NPY", "a.npy", "a.jpg.PNG", "a.jpg.npy"}) {
     std::ofstream(dir / name) << "x";
     EXPECT_EQ(FindDepthMap(dir.path(), "a.jpg"), dir / name);
   }

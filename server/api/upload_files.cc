@@ -9,6 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/types/span.h"
 #include "engine/core/error.h"
+#include "engine/core/photo_names.h"
 #include "engine/io/file_util.h"
 #include "proto/litags/v1/limits.h"
 #include "server/store/digest.h"
@@ -60,11 +61,13 @@ bool HasNameOfCameras(const std::string& name) {
 void AppendEnding(std::string* out, std::string_view ending) { out->append(ending); }
 
 bool HasExtension(const std::string& name, FileRole role) {
+  if (role == FileRole::kDepth) {  // as the engine finds them
+    const std::vector<std::string> names = DepthMapNames(WithoutEnding(name));
+    return std::find(names.begin(), names.end(), name) != names.end();
+  }
   const std::string lower = absl::AsciiStrToLower(name);
-  // The engine finds depth maps by their lower-case names.
-  const std::string& compared = role == FileRole::kDepth ? name : lower;
   for (const std::string_view extension : RulesOf(role).extensions) {
-    if (compared.size() > extension.size() && compared.ends_with(extension)) return true;
+    if (lower.size() > extension.size() && lower.ends_with(extension)) return true;
   }
   return false;
 }

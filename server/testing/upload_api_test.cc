@@ -11,7 +11,9 @@
 #include <string_view>
 #include <thread>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "engine/core/error_test_util.h"
 #include "engine/core/limits.h"
 #include "engine/core/temp_dir_test_util.h"
 #include "engine/io/depth_io.h"
@@ -20,6 +22,7 @@
 #include "engine/io/png_codes.h"
 #include "engine/video/testing_video.h"
 #include "proto/litags/v1/limits.h"
+#include "server/api/upload_files.h"
 #include "server/testing/api_fixture.h"
 #include "server/testing/archives.h"
 #include "server/testing/faulty_blob_store.h"
@@ -511,11 +514,17 @@ TEST_F(UploadApi, TheEngineFindsFilesOfEveryEndingThatIsTaken) {
     ASSERT_TRUE(found.ok()) << found.status();
     EXPECT_THAT(*found, ElementsAre(name));
   }
-  for (const std::string_view ending : v1::kDepthEndings) {
-    const std::string folder = "depths" + std::string(ending);
-    const std::string name = put(folder, ending);
-    EXPECT_EQ(FindDepthMap(dir.path() + "/" + folder, "a"), dir.path() + "/" + folder + "/" + name);
+  for (const std::string_view taken : v1::kDepthEndings) {
+    const std::string lower(taken);
+    for (const std::string& ending : {lower, absl::AsciiStrToUpper(lower)}) {
+      const std::string folder = "depths" + ending;
+      const std::string name = put(folder, ending);
+      const std::string path = absl::StrCat(dir.path(), "/", folder, "/", name);
+      EXPECT_EQ(FindDepthMap(dir.path() + "/" + folder, "a"), path);
+      EXPECT_TRUE(CheckName(name, FileRole::kDepth, "depths").ok()) << name;
+    }
   }
+  EXPECT_EQ(Reason(CheckName("a.Npy", FileRole::kDepth, "depths")), "BAD_FILE_NAME");
   for (const std::string_view ending : v1::kMaskEndings) {
     put("masks", ending);
     EXPECT_TRUE(FindMasks(dir.path() + "/masks", {"a.jpg"}).ok());

@@ -327,9 +327,9 @@ class Package(harness.ServiceTest):
         folder, maps = self.photos(), pathlib.Path(tempfile.mkdtemp(dir=self.folder))
         with self.assertRaisesRegex(ValueError, r"holds no depth maps \(\.npy \.pfm \.png\)"):
             self.client().submit(folder, depth=maps)
-        (maps / "a.png").write_bytes(harness.depth_png())
+        (maps / "a.PNG").write_bytes(harness.depth_png())
         job = self.client().submit(folder, depth=maps, options={"iterations": 5})
-        self.assertEqual(self.roles(job), {"PHOTO": ["a.png", "b.png", "c.png"], "DEPTH": ["a.png"]})
+        self.assertEqual(self.roles(job), {"PHOTO": ["a.png", "b.png", "c.png"], "DEPTH": ["a.PNG"]})
 
     def test_a_job_may_be_given_by_its_id(self):
         client = self.client()

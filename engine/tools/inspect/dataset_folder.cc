@@ -14,6 +14,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
+#include "engine/core/photo_names.h"
 #include "engine/io/cameras_io.h"
 #include "engine/io/dataset_layout.h"
 #include "engine/io/file_util.h"
@@ -116,8 +117,8 @@ std::string FolderIn(const fs::path& dir, std::initializer_list<const char*> nam
 // Whether one of its files ends as those that FindDepthMap looks for.
 bool HoldsDepthMaps(const std::string& dir) {
   const auto maps = ListFiles(dir, "depth", [](const std::string& name) {
-    const std::string ending = fs::path(name).extension();
-    return ending == ".png" || ending == ".pfm" || ending == ".npy";
+    const std::vector<std::string> names = DepthMapNames(WithoutEnding(name));
+    return !name.starts_with('.') && std::find(names.begin(), names.end(), name) != names.end();
   });
   return maps.ok() && !maps->empty();
 }

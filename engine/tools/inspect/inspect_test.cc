@@ -298,6 +298,22 @@ TEST(DatasetFolder, MayBeOfLinksToFolders) {
   EXPECT_EQ(masks, dir + "/masks");
 }
 
+TEST(DatasetFolder, HasDepthMapsByTheNamesThatARunFinds) {
+  TempDir temp;
+  for (const char* map : {"a.npy", "a.JPG.PFM", "a.PNG", "a.exr", ".npy"}) {
+    const std::string dir = temp / map;
+    for (const std::string& file : {std::string("images/a.JPG"), absl::StrCat("depth/", map)}) {
+      fs::create_directories(fs::path(dir + "/" + file).parent_path());
+      ASSERT_TRUE(WriteFileAtomically(dir + "/" + file, "x").ok());
+    }
+    std::string photos = dir, cameras, masks, depth;
+    ASSERT_TRUE(UseDatasetFolder(true, &photos, &cameras, &masks, &depth).ok());
+    const bool found = !FindDepthMap(dir + "/depth", "a.JPG").empty();
+    EXPECT_EQ(depth, found ? dir + "/depth" : "") << map;
+    EXPECT_EQ(found, std::string(map) != "a.exr" && std::string(map) != ".npy") << map;
+  }
+}
+
 TEST(DatasetFolder, ThatCannotBeReadToItsEndIsAnErrorNotASmallerOne) {
   TempDir temp;
   const std::string dir = temp / "d";
