@@ -5,7 +5,7 @@ import {copyFileSync, readdirSync, rmSync, statSync} from "node:fs";
 import {join} from "node:path";
 import {openPage} from "./steps.mjs";
 
-const {URL: url, PHOTOS: photos, ARCHIVE: archive, MASKED: masked} = process.env;
+const {URL: url, PHOTOS: photos, ARCHIVE: archive, MASKED: masked, FOUR: four} = process.env;
 
 const {browser, page, step} = await openPage();
 const sent = [], ranges = new Map();  // requests; the Content-Range of each file
@@ -124,6 +124,30 @@ await step("a photo that is refused takes its mask along", async () => {
   page.once("dialog", (dialog) => dialog.accept());  // 3 of 4 photos have come
   await page.getByRole("button", {name: "Start", exact: true}).click();
   await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
+});
+
+await step("a photo that is removed before the start takes its mask along", async () => {
+  await page.getByRole("link", {name: "New job", exact: true}).first().click();
+  await page.locator("#folder").setInputFiles(four);
+  await page.getByText("4 photos, 4 masks,").waitFor();
+  await look.click();
+  const remove = page.getByRole("button", {name: "Remove c.png"});
+  await remove.waitFor();
+  sent.length = 0;
+  page.once("dialog", (dialog) => dialog.dismiss());
+  await remove.click();
+  page.once("dialog", (dialog) => dialog.accept());
+  await remove.click();
+  await page.getByText("3 photos are of use").waitFor();
+  assert.deepEqual(await page.locator(".photos tbody th").allTextContents(), ["a.png", "b.png", "d.png"]);
+  assert.deepEqual(sent.filter((request) => /^DELETE/.test(request)).map((request) => request.split("/").at(-1)),
+                   ["c.png", "c.png"]);  // the mask, then the photo
+  await page.waitForFunction(() => document.activeElement.matches(".wide"));  // who goes by keys stays in the table
+  await page.locator(".standing", {hasText: /^3 photos$/}).waitFor();  // and none that has not come
+  await page.getByRole("button", {name: "Start", exact: true}).click();
+  await page.locator(".heading .state", {hasText: "succeeded"}).waitFor();
+  await page.getByRole("button", {name: "Remove a.png"}).waitFor({state: "detached"});
+  await page.getByRole("row", {name: "a.png"}).waitFor();
 });
 
 await step("files that do not arrive are no refusals, and can be sent again", async () => {

@@ -38,13 +38,15 @@ class NewJob(gateway.GatewayTest):
         packed = pathlib.Path(self.photos())
         (packed / "bad.png").write_bytes(b"no photo")
         archive = shutil.make_archive(os.path.join(self.folder, "night"), "zip", packed)
-        self.run_steps("new_job_steps.mjs", PHOTOS=str(folder), ARCHIVE=archive, MASKED=self.masked_photos())
+        self.run_steps("new_job_steps.mjs", PHOTOS=str(folder), ARCHIVE=archive,
+                       MASKED=self.masked_photos("masked", "a.png", "b.png", "c.png", "bad.png"),
+                       FOUR=self.masked_photos("four", "a.png", "b.png", "c.png", "d.png"))
 
-    def masked_photos(self):
-        """A folder of photos, each with a mask; one photo is cut short."""
-        folder = pathlib.Path(self.folder, "masked")
+    def masked_photos(self, folder, *names):
+        """A folder of photos, each with a mask; bad.png is cut short."""
+        folder = pathlib.Path(self.folder, folder)
         (folder / "masks").mkdir(parents=True)
-        for seed, name in enumerate(("a.png", "b.png", "c.png", "bad.png")):
+        for seed, name in enumerate(names):
             photo = harness.png(seed=seed)
             (folder / name).write_bytes(photo[:len(photo) // 2] if name == "bad.png" else photo)
             (folder / "masks" / name).write_bytes(photo)

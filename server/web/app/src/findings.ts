@@ -1,9 +1,10 @@
 // The files of a job: what the server found in them, and what is left out and why.
 
-import {get, type ApiError, type Job, type JobFile, type PhotoFindings} from "./api.js";
+import {call, get, type ApiError, type Job, type JobFile, type PhotoFindings} from "./api.js";
 import type {Part} from "./actions.js";
 import {el, notice} from "./dom.js";
-import {secondsOf, timeText} from "./format.js";
+import {kPhotosChosen, secondsOf, timeText} from "./format.js";
+import {masksAlone, removeFile} from "./upload.js";
 
 // "1/30 s, f/1.8, ISO 800", of what EXIF says.
 function exposureText(found: PhotoFindings): string {
@@ -50,21 +51,32 @@ function videoText({width, height, foundInVideo: found}: JobFile): string {
   return `A video of ${facts.filter(Boolean).join(", ")}: its sharpest frames become photos.`;
 }
 
-function row(photo: JobFile, why: string | undefined): HTMLElement {
+// `remove`: how the user takes a photo out, if that is possible.
+type Remove = ((photo: string, by: HTMLButtonElement) => void) | undefined;
+
+function removeButton(photo: string, remove: Remove): HTMLElement | undefined {
+  if (!remove) return undefined;
+  const own: HTMLButtonElement = el("button", {type: "button", "aria-label": `Remove ${photo}`,
+                                               click: () => remove(photo, own)}, "Remove");
+  return own;
+}
+
+function row(photo: JobFile, why: string | undefined, remove: Remove): HTMLElement {
   const found = photo.found ?? {};
   const cells = [`${photo.width}\u00d7${photo.height}`, lensText(found), exposureText(found),
                  found.stops === undefined ? "" : stopsText(found.stops),
                  found.sharpness ? found.sharpness.toFixed(2) : ""];
   return el("tr", why ? {class: "dropped"} : {}, el("th", {scope: "row"}, photo.fileName),
-            ...cells.map((text) => el("td", {}, text)), el("td", {}, why ? `left out: ${why}` : "used"));
+            ...cells.map((text) => el("td", {}, text)),
+            el("td", {}, why ? `left out: ${why}` : "used", " ", removeButton(photo.fileName, remove)));
 }
 
-function table(photos: JobFile[], why: Map<string, string>): HTMLElement {
+function table(photos: JobFile[], why: Map<string, string>, remove: Remove): HTMLElement {
   const head = ["Photo", "Size, px", "Lens", "Exposure", "Light, stops", "Sharpness", "Use"].map(
       (text) => el("th", {scope: "col"}, text));
   return el("div", {class: "wide", tabindex: 0, role: "group", "aria-label": "Table of the photos"},
             el("table", {class: "photos"}, el("thead", {}, el("tr", {}, ...head)),
-               el("tbody", {}, ...photos.map((p) => row(p, why.get(p.fileName))))));
+               el("tbody", {}, ...photos.map((p) => row(p, why.get(p.fileName), remove)))));
 }
 
 // All of them: a page of the list ends before it is too large for a message.
@@ -91,7 +103,30 @@ export function findings(name: string): Part {
     for (const photo of photos) if (photo.found?.leftOut) why.set(photo.fileName, `it ${photo.found.leftOut}`);
     summary.textContent = video ? videoText(video)
       : photos.length ? `${summaryOf(photos, why)}.` : files ? "There are no photos." : "";
-    body.replaceChildren(photos.length ? table(photos, why) : "");
+    const mayRemove = job?.state === "JOB_STATE_UPLOADING";
+    body.replaceChildren(photos.length ? table(photos, why, mayRemove ? remove : undefined) : "");
+  };
+  // Its masks go first: without them it would be another photo, but a job does not start with a mask of none.
+  const takeOut = async (photo: string): Promise<void> => {
+    const rest = files!.filter((f) => f.role !== "FILE_ROLE_PHOTO" || f.fileName !== photo);
+    for (const mask of masksAlone(rest, [photo])) await removeFile(name, mask, "FILE_ROLE_MASK");
+    await removeFile(name, photo, "FILE_ROLE_PHOTO");
+    const labels = job!.labels ?? {}, chosen = Number(labels[kPhotosChosen] ?? 0);
+    if (!chosen) return;
+    job = await call<Job>("PATCH", `/v1/${name}?updateMask=labels`,
+                          {labels: {...labels, [kPhotosChosen]: String(chosen - 1)}});
+  };
+  const remove = (photo: string, by: HTMLButtonElement): void => {
+    if (!window.confirm(`Remove ${photo} from this job?`)) return;
+    by.disabled = true;  // until the table is drawn without it
+    takeOut(photo).then(() => "", (error: unknown) => (error as ApiError).message).then(async (trouble) => {
+      if (!details.isConnected) return;
+      notice(trouble);
+      by.disabled = false;
+      readAt = "";
+      await load();
+      body.querySelector<HTMLElement>(".wide")?.focus();
+    });
   };
   const load = async (): Promise<void> => {
     if (!details.open || !job) return;

@@ -4,7 +4,7 @@ import {ApiError, call, get, newId, post, type Job, type Options, type ServerInf
 import {el, labelled, notice, select} from "./dom.js";
 import {filesOf} from "./findings.js";
 import {asTitle, bytesText, idOf, kPhotosChosen, optionHint, optionName} from "./format.js";
-import {choose, dropped, leftOutOf, masksAlone, persistently, send, type Chosen, type Missing} from "./upload.js";
+import {choose, dropped, leftOutOf, masksAlone, persistently, removeFile, send, type Chosen, type Missing} from "./upload.js";
 import type {View} from "./view.js";
 
 // Beside the method, what most users would set. The rest is folded.
@@ -225,11 +225,6 @@ async function forget({job}: Begun): Promise<void> {
   if (job && (await get<Job>(`/v1/${job}`)).state === "JOB_STATE_UPLOADING") await call("DELETE", `/v1/${job}`);
 }
 
-async function removeMask(job: string, name: string): Promise<void> {
-  const query = new URLSearchParams({role: "FILE_ROLE_MASK", allowMissing: "true"});
-  await call("DELETE", `/v1/${job}/files/${encodeURIComponent(name)}?${query}`);
-}
-
 export function submitView(): View {
   let begun: Begun | undefined;
   const replaced: Begun[] = [];
@@ -288,7 +283,7 @@ export function submitView(): View {
     const masks = missing.unsent.length > 0 ? []
       : masksAlone(await persistently(() => filesOf(job.name), signal), photos.map((c) => c.name));
     const openAnyway = (start: boolean): void => void busy(async (signal) => {
-      for (const mask of masks) await persistently(() => removeMask(job.name, mask), signal);
+      for (const mask of masks) await persistently(() => removeFile(job.name, mask, "FILE_ROLE_MASK"), signal);
       await open(job, start, signal);
     });
     result.replaceChildren(...whatIsMissing(missing, leftOut, masks, all.length, {

@@ -1,6 +1,6 @@
 // Photos, or a video, from this machine to a job.
 
-import {ApiError, nextToken, post, refusal, saidOfRetried, Silence, type JobFile} from "./api.js";
+import {ApiError, call, nextToken, post, refusal, saidOfRetried, Silence, type JobFile} from "./api.js";
 import {notice} from "./dom.js";
 import {digestOf} from "./sha256.js";
 
@@ -95,6 +95,11 @@ export function masksAlone(files: JobFile[], lacking: string[]): string[] {
   const photos = names("FILE_ROLE_PHOTO");
   const isOfOne = (mask: string, of: string[]): boolean => of.some((photo) => isMaskOf(mask, photo));
   return names("FILE_ROLE_MASK").filter((mask) => isOfOne(mask, lacking) && !isOfOne(mask, photos));
+}
+
+export async function removeFile(job: string, name: string, role: string): Promise<void> {
+  const query = new URLSearchParams({role, allowMissing: "true"});
+  await call("DELETE", `/v1/${job}/files/${encodeURIComponent(name)}?${query}`);
 }
 
 // Sends the bytes from `offset` on; `sent` is told how many are on their way.
