@@ -366,6 +366,14 @@ absl::Status AddPhotos(const std::string& path, Capture* capture) {
     return BadInput("FILE_UNREADABLE", "DIR",
                     absl::StrCat(path, ": there is no such file; give one that is there"));
   }
+  if (fs::is_regular_file(path, error)) {
+    return BadInput("FOLDER_MISSING", "DIR",
+                    absl::StrCat(path,
+                                 ": is a file; give the folder that holds the photos, or rename a "
+                                 "video to end in one of ",
+                                 Joined(v1::kVideoEndings), ", an archive in one of ",
+                                 Joined(v1::kArchiveEndings)));
+  }
   const absl::Status status =
       ScanFolder(path, "DIR", v1::FILE_ROLE_PHOTO, v1::kPhotoEndings, capture);
   if (!status.ok() || !capture->files.empty()) return status;

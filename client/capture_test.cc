@@ -272,6 +272,12 @@ TEST_F(ScanCaptureTest, RefusesMissingEmptyAndPhotolessFolders) {
   EXPECT_THAT(std::string(ScanCapture((dir_ / "none.mp4").string(), "", "", "").status().message()),
               HasSubstr("none.mp4: there is no such file"));
   EXPECT_EQ(DetailOf(ScanCapture(dir_.string(), "", "", "").status()).reason(), "FOLDER_EMPTY");
+  Write("night.mpg", "x");
+  const absl::Status file = ScanCapture((dir_ / "night.mpg").string(), "", "", "").status();
+  EXPECT_EQ(DetailOf(file).reason(), "FOLDER_MISSING");
+  EXPECT_THAT(std::string(file.message()),
+              HasSubstr("rename a video to end in one of .mp4 .mov .m4v "));
+  fs::remove(dir_ / "night.mpg");
   Write("low/a.jpg", "x");
   Write("high/a.jpg", "x");
   const absl::Status status = ScanCapture(dir_.string(), "", "", "").status();

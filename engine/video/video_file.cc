@@ -15,6 +15,7 @@ extern "C" {
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "engine/core/counted.h"
 #include "engine/core/error.h"
@@ -417,6 +418,11 @@ bool IsVideoName(std::string_view name) {
   return std::any_of(std::begin(kEndings), std::end(kEndings), [&](std::string_view ending) {
     return std::string_view(lower).ends_with(ending) && lower.size() > ending.size();
   });
+}
+
+std::string VideoEndings() {
+  return absl::StrJoin(kEndings, " ",
+                       [](std::string* out, std::string_view ending) { out->append(ending); });
 }
 
 bool IsVideo(std::string_view bytes) {

@@ -33,6 +33,9 @@ struct VideoInfo {
 
 bool IsVideoName(std::string_view name);
 
+// ".mp4 .mov ...": one that the name of a video must have.
+std::string VideoEndings();
+
 // INVALID_ARGUMENT (VIDEO_TOO_COSTLY): reading the video takes more of `what`, memory or time.
 absl::Status VideoTooCostly(const std::string& field, const char* what);
 

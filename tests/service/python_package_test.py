@@ -207,6 +207,10 @@ class Package(harness.ServiceTest):
         client.wait(job, progress=False)
         self.assertEqual(self.roles(job), {
             "ARCHIVE": ["night.zip"], "PHOTO": ["a.png", "b.png", "c.png"], "MASK": ["a.png"]})
+        unnamed = pathlib.Path(self.folder, "walk.mpg")
+        unnamed.touch()
+        with self.assertRaisesRegex(ValueError, "rename a video to end in one of .* [.]mp4 "):
+            litags.files.find_photos(unnamed)
         video = os.path.join(self.folder, "walk.MP4")
         self.litags("path", job, "--orbit", "--frames", "12", "--size", "64x48", "--video", video)
         job = client.submit(video, options={"frames": 8, "iterations": 5})

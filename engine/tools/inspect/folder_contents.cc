@@ -45,6 +45,14 @@ bool IsArchiveName(const std::string& name) {
          lower.ends_with(".tgz");
 }
 
+// In place of a file.
+std::string WhatToGiveFor(const std::string& name) {
+  if (IsArchiveName(name)) return "unpack it and give the folder, or give it to litags submit";
+  if (IsPhotoName(name)) return "give the folder that holds it";
+  return absl::StrCat("give the folder that holds the photos, or rename a video to end in one of ",
+                      VideoEndings());
+}
+
 size_t PhotosIn(const std::string& dir) {
   const auto photos = ListPhotos(dir, "dir");
   return photos.ok() ? photos->size() : 0;
@@ -92,12 +100,8 @@ std::vector<std::string> FoldersOfPhotos(const std::string& dir) {
 
 absl::Status CheckHoldsPhotos(const std::string& dir) {
   if (std::error_code ignored; fs::is_regular_file(dir, ignored)) {
-    return InvalidInput(
-        "NO_SUCH_FOLDER", "DIR",
-        absl::StrCat(dir, " is a file; ",
-                     IsArchiveName(dir)
-                         ? "unpack it and give the folder, or give it to litags submit"
-                         : "give the folder that holds it"));
+    return InvalidInput("NO_SUCH_FOLDER", "DIR",
+                        absl::StrCat(dir, " is a file; ", WhatToGiveFor(dir)));
   }
   const absl::Status photos = ListPhotos(dir, "DIR").status();
   if (photos.ok()) return photos;

@@ -218,10 +218,12 @@ TEST_F(Inspect, FoldersOfARigAreAnsweredWithWhatToDo) {
 
 TEST_F(Inspect, WhatIsNoFolderOfPhotosIsAnsweredWithWhatToGive) {
   Write("night.ZIP", "x");
+  Write("night.mpg", "x");
   fs::create_directory(dir_ / "none");
   for (const auto& [given, words] :
        {std::pair(photos_ + "/p0.jpg", "/p0.jpg is a file; give the folder that holds it"),
         std::pair(photos_ + "/night.ZIP", "/night.ZIP is a file; unpack it and give the folder, "),
+        std::pair(photos_ + "/night.mpg", "rename a video to end in one of .mp4 .mov "),
         std::pair(dir_ / "none", "; give the folder that holds the photos")}) {
     EXPECT_EQ(Run({given}), 2);
     EXPECT_THAT(text_, HasSubstr(words));

@@ -71,6 +71,10 @@ def find_photos(photos: Path | Iterable[Path]) -> list[File]:
         return [File.read(path, rpc.FILE_ROLE_VIDEO)]
     if path.name.lower().endswith(ARCHIVE_ENDINGS):
         return [File.read(path, rpc.FILE_ROLE_ARCHIVE)]
+    if path.is_file():
+        raise ValueError(f"{path} is a file; give the folder that holds the photos, or rename a video to "
+                         f"end in one of {' '.join(sorted(VIDEO_ENDINGS))}, an archive in one of "
+                         f"{' '.join(ARCHIVE_ENDINGS)}")
     paths = _files_of(path, PHOTO_ENDINGS)
     if not paths:
         raise ValueError(f"{path} holds no photos; give the folder that does: of a dataset its images")
