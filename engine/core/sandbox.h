@@ -14,7 +14,7 @@ namespace litags {
 
 // Built with a sanitizer: it reserves terabytes of address space, keeps freed memory for a while,
 // and looks into its own process as a debugger does.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || defined(LITAGS_TSAN)
+#if defined(__SANITIZE_ADDRESS__) || defined(LITAGS_TSAN)
 inline constexpr bool kBuiltWithSanitizer = true;
 #else
 inline constexpr bool kBuiltWithSanitizer = false;

@@ -5,6 +5,7 @@
 
 #include "absl/status/statusor.h"
 #include "engine/core/peak_memory_test_util.h"
+#include "engine/core/sandbox.h"
 #include "engine/export/export_test_util.h"
 #include "engine/export/formats.h"
 
@@ -13,6 +14,7 @@ namespace {
 
 // The largest files there are: beside the Gaussians only the file itself is held, once.
 TEST(Memory, AFileOfFloatsIsHeldOnce) {
+  if (kBuiltWithSanitizer) GTEST_SKIP() << "sanitizers take memory of their own";
   const ViewerScene scene = SmallScene(100'000);
   for (const SceneFormat format : {SceneFormat::kUsda, SceneFormat::kGlb}) {
     absl::StatusOr<std::string> bytes;
