@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "engine/core/error.h"
 #include "server/api/call_door.h"
+#include "server/api/grpc_order.h"
 #include "server/auth/request_id.h"
 #include "server/errors/to_grpc.h"
 #include "server/net/line_rate.h"
@@ -186,6 +187,7 @@ grpc::Status Gate::Refuse(const grpc::CallbackServerContext& context, CallName n
 absl::StatusOr<std::shared_ptr<Call>> Gate::Enter(grpc::CallbackServerContext* context,
                                                   CallName name,
                                                   const google::protobuf::Message* request) {
+  AfterStart(this);
   std::string request_id = RequestIdOf(Header(*context, kRequestIdHeader).value_or(""));
   context->AddInitialMetadata(kRequestIdHeader, request_id);
   const int64_t generation = authenticator_->Generation();  // before: a change meanwhile is seen

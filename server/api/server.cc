@@ -15,6 +15,7 @@
 #include "server/api/event_hub.h"
 #include "server/api/gate.h"
 #include "server/api/grpc_log.h"
+#include "server/api/grpc_order.h"
 #include "server/api/model_service.h"
 #include "server/api/reconstruction_service.h"
 #include "server/api/scene_cache.h"
@@ -136,6 +137,7 @@ class GrpcServer : public Server {
       acceptor = builder.experimental().AddExternalConnectionAcceptor(
           grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials_);
     }
+    BeforeStart(&gate_);
     server_ = builder.BuildAndStart();
     if (!server_ || (!listen.empty() && port_ == 0)) {
       return MakeError(absl::StatusCode::kUnavailable, "CANNOT_LISTEN", "--listen",
