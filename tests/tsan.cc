@@ -4,7 +4,8 @@
 // Debian's libraries are not instrumented, so ThreadSanitizer cannot see how they synchronise. What
 // they do themselves is not reported. Our own code is, save where it shares memory with a thread of
 // gRPC, whose hand-overs it cannot see either. InodeOf looks whether a descriptor that gRPC may
-// have closed is still that of the same connection.
+// have closed is still that of the same connection. References to a status are given up in Abseil's
+// library, so that the last one seems to delete it while others still hold it.
 extern "C" const char* __tsan_default_suppressions() {
   return R"(
 deadlock:libgdal.so
@@ -19,7 +20,9 @@ race:libgrpc++.so
 race:libgpr.so
 race:libssl.so
 race:libcrypto.so
+race:libupb.so
 race:libabsl_
+race:absl::*::Status::Unref
 race:libprotobuf.so
 race:^grpc::
 race:^google::protobuf::
