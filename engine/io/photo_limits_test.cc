@@ -226,6 +226,13 @@ TEST(Bomb, RawIsRefusedByTheSizeThatItStates) {
               testing::AnyOf("IMAGE_TOO_LARGE", "IMAGE_TRUNCATED"));
 }
 
+TEST(Bomb, ABoxWithoutASizeIsNotReadForEver) {
+  const std::string cr3 =
+      Big32(28) + "ftypcrx " + std::string(16, '\0') + Big32(1) + "free" + std::string(40, '\0');
+  EXPECT_EQ(Reason(DecodePhoto(cr3, "f").status()), "IMAGE_TRUNCATED");
+  EXPECT_EQ(Reason(ReadImageInfo(cr3, "f").status()), "IMAGE_TRUNCATED");
+}
+
 TEST(Bomb, ProfilesThatInflateToMuchArePassedOver) {
   const std::string png = EncodePng(TestImage(16, 8)).value();
   const std::string zeros(64 << 20, '\0');

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -89,6 +90,23 @@ bool IsRaw(std::string_view bytes) {
   return HoldsSensorData(bytes);
 }
 
+// LibRaw reads a box of a CR3 whose size is 0 again and again.
+class FiniteStream : public LibRaw_buffer_datastream {
+ public:
+  // LibRaw only reads, whatever the type says.
+  explicit FiniteStream(std::string_view bytes)
+      : LibRaw_buffer_datastream(const_cast<char*>(bytes.data()), bytes.size()) {}
+
+  int seek(INT64 offset, int whence) override {
+    constexpr int kMostSeeks = 1'000'000;  // far more than a photo has tiles or rows
+    if (++seeks_ > kMostSeeks) throw LIBRAW_EXCEPTION_IO_CORRUPT;  // which LibRaw catches
+    return LibRaw_buffer_datastream::seek(offset, whence);
+  }
+
+ private:
+  int seeks_ = 0;
+};
+
 class RawFile {
  public:
   RawFile() : raw_(std::make_unique<LibRaw>(kQuiet)) {
@@ -112,8 +130,8 @@ class RawFile {
   libraw_data_t& data() { return raw_->imgdata; }
 
   absl::Status Open(std::string_view bytes, std::string_view field) {
-    // LibRaw only reads, whatever the type says.
-    return Check(raw_->open_buffer(const_cast<char*>(bytes.data()), bytes.size()), field);
+    stream_.emplace(bytes);
+    return Check(raw_->open_datastream(&*stream_), field);
   }
 
   // To data().image, 16 bits with the black level in them.
@@ -182,7 +200,8 @@ class RawFile {
   }
 
   const int threads_before_ = omp_get_max_threads();  // of the calling thread
-  std::unique_ptr<LibRaw> raw_;                       // large
+  std::optional<FiniteStream> stream_;
+  std::unique_ptr<LibRaw> raw_;  // large
   unsigned black_ = 0;
   bool data_error_ = false;
 };
