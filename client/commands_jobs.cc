@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "client/cli.h"
+#include "client/report/report.h"
 #include "client/report/settings.h"
 #include "client/report/text.h"
 #include "client/text.h"
@@ -102,7 +103,7 @@ void PrintJob(const v1::Job& job) {
   }
   if (job.has_progress()) row("progress", ProgressLine(job.progress(), 200));
   row("options", OptionsText(job.options()));
-  if (job.state() == v1::JOB_STATE_FAILED || job.state() == v1::JOB_STATE_SUCCEEDED) {
+  if (report::HasEnded(job.state())) {
     std::printf("%s", OutcomeText(job).c_str());
   }
 }

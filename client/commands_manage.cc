@@ -145,7 +145,13 @@ int Update(Session& session, const UpdateArgs& args) {
   }
   if (!ParseLabels(args.labels, job.mutable_labels())) return kExitBadInput;
   for (const auto& [key, value] : job.labels()) mask.add_paths("labels." + key);
-  for (const std::string& key : args.removed) mask.add_paths("labels." + key);
+  for (const std::string& key : args.removed) {
+    if (job.labels().contains(key)) {
+      Note(absl::StrCat("--remove-label ", key, " beside --label ", key, "=...; leave one out"));
+      return kExitBadInput;
+    }
+    mask.add_paths("labels." + key);
+  }
   if (args.priority) {
     job.mutable_policy()->set_priority(*args.priority);
     mask.add_paths("policy.priority");

@@ -31,7 +31,7 @@ struct ClientLimits {
   int64_t max_jobs = 1000;                 // at one time, in any state
   int64_t max_bytes = int64_t{200} << 30;  // of all its jobs, their results included
   int max_streams = 1000;                  // uploads, watches, paths and exports at one time
-  double pictures_per_second = 100;        // RenderView, RenderPath and ExportModel calls
+  double pictures_per_second = 100;        // of pictures, paths, exports and lists of cameras
   double picture_burst = 200;              // that many at once after a pause
   // Of each job, but for administrators who say who they are. Ten times what the defaults of a job
   // ask for, about, and a day; priorities are of use among clients that cannot raise their own.

@@ -267,6 +267,8 @@ class Jobs(harness.ServiceTest):
         self.litags("cancel", job.name)
         _, err = self.litags("update", job.name, "--label", "=north", exit_code=2)
         self.assertIn("a label is KEY=VALUE", err)
+        _, err = self.litags("update", job.name, "--label", "a=b", "--remove-label", "a", exit_code=2)
+        self.assertIn("leave one out", err)
 
     def test_the_options_of_a_server_stand_in_columns(self):
         lines = self.litags("info")[0].split("options of a job:\n")[1].splitlines()

@@ -134,6 +134,8 @@ class Results(harness.ServiceTest):
         self.assertGreater(self.scene(job)[0], 40)
         self.jobs.CancelJob(rpc.CancelJobRequest(name=job))
         self.assert_finished_scene(job, CANCELLED, scene)
+        self.assertIn("the finished scene of 40 iterations is still there",
+                      self.litags("show", job)[0])
 
         self.jobs.ResumeJob(rpc.ResumeJobRequest(
             name=job, policy=job_pb2.JobPolicy(max_run_time=duration_pb2.Duration(seconds=1))))

@@ -72,13 +72,17 @@ await step("a picture that takes long, and one by a server that is silent", asyn
   let go, looked = 0;
   const aborted = [], long = new Promise((ok) => { go = ok; });
   page.on("requestfailed", (request) => { if (/:renderView$/.test(request.url())) aborted.push(request); });
-  await page.route(/\/v1\/serverInfo$/, (route) => { if (++looked > 1) go(); return route.continue(); });
+  await page.route(/\/v1\/serverInfo$/, (route) => {
+    if (++looked > 2) go();
+    return looked === 1 ? route.fulfill({status: 429, json: {
+      code: 8, message: "busy", details: [{reason: "SERVER_BUSY"}]}}) : route.continue();
+  });
   await page.route(/:renderView$/, async (route) => { await long; await route.continue(); });
   const before = await page.locator("canvas.stage").evaluate((c) => Number(c.dataset.drawn));
   await page.getByRole("button", {name: "Next photo"}).click();
   await page.waitForFunction((n) => Number(document.querySelector("canvas.stage").dataset.drawn) > n, before);
   await full();
-  assert.deepEqual([aborted.length, looked > 1], [0, true]);
+  assert.deepEqual([aborted.length, looked > 2], [0, true]);
   await page.unrouteAll();
   await whileSilent(async () => {
     await page.getByRole("button", {name: "Next photo"}).click();

@@ -35,6 +35,20 @@ await step("the list is renewed around what has the focus and what is selected",
   await renewed();
 });
 
+await step("a title is found by its quotes and backslashes", async () => {
+  const title = 'a 5" \\ lens';
+  const made = await page.evaluate(async (displayName) => (await (await fetch("/v1/jobs", {
+    method: "POST", body: JSON.stringify({displayName})})).json()).name, title);
+  await page.getByLabel("Title contains").fill(title);
+  await page.waitForFunction((text) => {
+    const links = [...document.querySelectorAll(".card a")];
+    return links.length === 1 && links[0].textContent === text;
+  }, title);
+  await page.evaluate((name) => fetch(`/v1/${name}`, {method: "DELETE"}), made);
+  await page.getByLabel("Title contains").fill("");
+  await page.locator(".card").nth(1).waitFor();
+});
+
 await step("a list of no job is renewed around its link", async () => {
   await page.getByLabel("Title contains").fill("no such title");
   await page.getByText("No job is like this.").waitFor();

@@ -167,7 +167,9 @@ export class Silence {
 
   private silent(): void {
     const away = (): void => this.end(new ApiError(0, kUnreachable));
-    if (this.asks) get<unknown>("/v1/serverInfo").then(() => this.heard(), away);
+    // A refusal with a reason is of the service itself, not of a proxy before it.
+    if (this.asks) get<unknown>("/v1/serverInfo").catch((error: ApiError) => { if (!error.reason) throw error; })
+        .then(() => this.heard(), away);
     else away();
   }
 }

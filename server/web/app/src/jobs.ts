@@ -13,9 +13,9 @@ const kStates: [string, string][] = [
   ["SUCCEEDED", "succeeded"], ["FAILED", "failed"], ["CANCELLED", "cancelled"],
 ];
 
-// The services' filter; quotes and backslashes would end its text.
+// The services' filter.
 export function filterOf(state: string, title: string): string {
-  const text = title.trim().replace(/["\\]/g, "");
+  const text = title.trim().replace(/["\\]/g, "\\$&");
   return [state && `state = ${state}`, text && `display_name : "${text}"`].filter(Boolean)
       .join(" AND ");
 }
