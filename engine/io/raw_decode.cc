@@ -98,7 +98,7 @@ class FiniteStream : public LibRaw_buffer_datastream {
       : LibRaw_buffer_datastream(const_cast<char*>(bytes.data()), bytes.size()) {}
 
   int seek(INT64 offset, int whence) override {
-    constexpr int kMostSeeks = 1'000'000;  // far more than a photo has tiles or rows
+    constexpr int kMostSeeks = 200'000;  // far more than a photo has tiles or rows
     if (++seeks_ > kMostSeeks) throw LIBRAW_EXCEPTION_IO_CORRUPT;  // which LibRaw catches
     return LibRaw_buffer_datastream::seek(offset, whence);
   }
